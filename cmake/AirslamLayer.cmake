@@ -1,0 +1,39 @@
+# Flags shared by every target of the project. Floating-point contraction stays at the compiler's
+# default and no -ffast-math is used: equal input must give equal bits on one CPU type.
+add_library(airslam_flags INTERFACE)
+target_include_directories(airslam_flags INTERFACE ${CMAKE_SOURCE_DIR}/src)
+target_compile_options(airslam_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Werror)
+if(AIRSLAM_SANITIZE)
+  target_compile_options(airslam_flags INTERFACE -fsanitize=${AIRSLAM_SANITIZE} -fno-omit-frame-pointer -g)
+  target_link_options(airslam_flags INTERFACE -fsanitize=${AIRSLAM_SANITIZE})
+endif()
+
+# airslam_layer(<name> DEPENDS <layers and libraries>...)
+#
+# Declares one layer: every .cc of the calling folder becomes the library airslam_<name>; every
+# *_test.cc becomes part of the program airslam_<name>_test, registered with CTest. DEPENDS may name
+# only layers above this one in the list of docs/architecture.md.
+function(airslam_layer name)
+  cmake_parse_arguments(LAYER "" "" "DEPENDS;TEST_DEPENDS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS *.cc)
+  file(GLOB tests CONFIGURE_DEPENDS *_test.cc)
+  if(tests)
+    list(REMOVE_ITEM sources ${tests})
+  endif()
+  if(sources)
+    add_library(airslam_${name} STATIC ${sources})
+    target_link_libraries(airslam_${name} PUBLIC airslam_flags ${LAYER_DEPENDS})
+  else()
+    add_library(airslam_${name} INTERFACE)
+    target_link_libraries(airslam_${name} INTERFACE airslam_flags ${LAYER_DEPENDS})
+  endif()
+  if(AIRSLAM_TESTS AND tests)
+    add_executable(airslam_${name}_test ${tests})
+    target_link_libraries(airslam_${name}_test PRIVATE airslam_${name} ${LAYER_TEST_DEPENDS}
+                          GTest::gtest GTest::gmock GTest::gtest_main)
+    target_compile_definitions(airslam_${name}_test PRIVATE
+      AIRSLAM_SOURCE_DIR="${CMAKE_SOURCE_DIR}" AIRSLAM_BINARY_DIR="${CMAKE_BINARY_DIR}")
+    gtest_discover_tests(airslam_${name}_test TEST_PREFIX ${name}. DISCOVERY_TIMEOUT 60
+                         PROPERTIES TIMEOUT 600)
+  endif()
+endfunction()

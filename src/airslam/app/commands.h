@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace airslam {
+
+// Each adds one command with its options to the command line, each in a file of its own
+// (<name>_command.cc). The command runs when it has been parsed; what it throws is its failure.
+void AddMapCommand(CLI::App& app);
+void AddInfoCommand(CLI::App& app);
+void AddFeaturesCommand(CLI::App& app);
+void AddEvalCommand(CLI::App& app);
+
+}  // namespace airslam

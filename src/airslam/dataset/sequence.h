@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "airslam/sensor/imu.h"
+#include "airslam/sensor/rig.h"
+
+namespace airslam {
+
+// One synchronised raw stereo pair, CV_8UC1 each.
+struct StereoPair {
+  std::int64_t timestamp_ns = 0;
+  cv::Mat left;
+  cv::Mat right;
+};
+
+// A recorded stereo sequence. Opening it reads the lists and the calibration, not the images.
+class Sequence {
+ public:
+  virtual ~Sequence() = default;
+
+  virtual std::string name() const = 0;  // e.g. "EuRoC", for messages
+  virtual const StereoRig& rig() const = 0;
+  // Number of synchronised pairs, in order of strictly increasing time.
+  virtual int size() const = 0;
+  virtual std::int64_t timestamp_ns(int index) const = 0;
+  // All IMU samples, in order of time; empty without an IMU.
+  virtual const std::vector<ImuSample>& imu() const = 0;
+  // What was odd but survivable while opening (unpaired images dropped, say), a sentence each.
+  virtual const std::vector<std::string>& warnings() const = 0;
+
+  // Decodes a pair; 16-bit and colour images become 8-bit grey. Thread-safe. Throws Error with one
+  // sentence when an image is missing, unreadable or not of the calibrated size; the caller may
+  // skip the frame.
+  virtual StereoPair Read(int index) const = 0;
+};
+
+// Recognises the layout of `folder`: EuRoC ASL (holds mav0, or is mav0) or KITTI odometry (holds
+// image_0, image_1, calib.txt, times.txt). Throws Error when it is neither, holds no pair, its
+// timestamps go back, or the calibration does not match the images.
+std::unique_ptr<Sequence> OpenSequence(const std::filesystem::path& folder);
+
+}  // namespace airslam

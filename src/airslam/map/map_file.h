@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "airslam/map/map.h"
+
+namespace airslam {
+
+// Writes a map file (SQLite 3, WAL; schema in docs/map_format.md). Every call below is one
+// transaction: a killed process leaves all that was committed. Not thread-safe: one thread owns it.
+class MapWriter {
+ public:
+  // Creates `file`; an existing file is an Error. `calibration` and the pack's name and hash are
+  // those of the map.
+  MapWriter(const std::filesystem::path& file, const MapCalibration& calibration,
+            const std::string& model_pack, const std::string& model_pack_sha256);
+  ~MapWriter();
+  MapWriter(const MapWriter&) = delete;
+  MapWriter& operator=(const MapWriter&) = delete;
+
+  // Commits a new keyframe together with the landmarks that it created.
+  void AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks);
+
+  // Commits what local bundle adjustment changed: poses of keyframes, positions of landmarks,
+  // observations and landmarks that were removed as outliers. All parts belong to known ids.
+  struct Update {
+    std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam;
+    std::vector<Landmark> landmarks;
+    // Keyframes whose keypoints' landmark ids changed: the whole new column.
+    std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_landmarks;
+    std::vector<LandmarkId> removed_landmarks;
+  };
+  void Apply(const Update& update);
+
+  // Folds the write-ahead log into the file and closes it.
+  void Close();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Reads a whole map. Throws Error with one sentence when the file does not exist, is not a map, is
+// truncated or damaged, or was written by a newer version.
+Map ReadMap(const std::filesystem::path& file);
+
+// SHA-256 over the content (table rows in order of their keys), not over SQLite's bytes: equal for
+// two runs that made the same map.
+std::string MapDigest(const std::filesystem::path& file);
+
+}  // namespace airslam

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+
+#include "airslam/sensor/rig.h"
+
+namespace airslam {
+
+// Reads cam0/sensor.yaml, cam1/sensor.yaml and, where present, imu0/sensor.yaml below `mav0`
+// (EuRoC ASL layout). T_BS is body_from_cam. Errors name the file and the field.
+StereoRig ReadEurocRig(const std::filesystem::path& mav0);
+
+// Reads a Kalibr camchain file (cam0 and cam1; T_cam_imu = cam_from_imu where present, else T_cn_cnm1
+// = cam1_from_cam0 with the left camera as body) and, if `imu_yaml` is not empty, its IMU file.
+StereoRig ReadKalibrRig(const std::filesystem::path& camchain_yaml,
+                        const std::filesystem::path& imu_yaml = {});
+
+// Reads KITTI odometry's calib.txt: P0 and P1, both rectified; the body is the left camera. The size
+// of the images is not in the file and must be given in pixels.
+StereoRig ReadKittiRig(const std::filesystem::path& calib_txt, int width, int height);
+
+}  // namespace airslam
