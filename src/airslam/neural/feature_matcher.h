@@ -17,12 +17,16 @@ struct MatcherInput {
   cv::Size image_size;
 };
 
+// Throws Error unless every keypoint has a descriptor and the descriptors have one size.
+void CheckMatcherInputs(const MatcherInput& image0, const MatcherInput& image1);
+
 // Finds correspondences between the features of two images, one to one, ordered by index0.
 // One instance is used by one thread at a time; the result depends on the arguments only.
 class FeatureMatcher {
  public:
   virtual ~FeatureMatcher() = default;
-  virtual std::vector<Match> Match(const MatcherInput& image0, const MatcherInput& image1) = 0;
+  virtual std::vector<airslam::Match> Match(const MatcherInput& image0,
+                                            const MatcherInput& image1) = 0;
 };
 
 }  // namespace airslam

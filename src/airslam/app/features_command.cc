@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
+
+#include "airslam/app/commands.h"
+#include "airslam/common/error.h"
+#include "airslam/neural/model_pack.h"
+#include "airslam/neural/nearest_matcher.h"
+#include "airslam/neural/plnet.h"
+
+namespace airslam {
+namespace {
+
+struct FeaturesArguments {
+  std::string image0, image1;
+  std::string picture;
+  std::string csv;
+  std::string model = kDefaultModelPack;
+  std::string matcher = "transformer";
+  int max_keypoints = 400;
+};
+
+// A picture file as 8-bit grey. 16-bit pictures are scaled by 1/256, colours are weighted.
+cv::Mat ReadGrey(const std::string& file) {
+  if (!std::filesystem::is_regular_file(file)) Fail("{}: no such picture", file);
+  cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  if (image.empty()) Fail("{}: not a picture that can be read", file);
+  if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 256.0);
+  if (image.type() != CV_8UC1) {
+    Fail("{}: pixels of type {}, expected 8 or 16 bits a channel", file,
+         cv::typeToString(image.type()));
+  }
+  return image;
+}
+
+double MillisecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
+// Both images side by side, all keypoints grey-blue, matches green (sure) to yellow.
+cv::Mat Draw(const cv::Mat& image0, const cv::Mat& image1, const Detections& features0,
+             const Detections& features1, const std::vector<Match>& matches) {
+  cv::Mat canvas(std::max(image0.rows, image1.rows), image0.cols + image1.cols, CV_8UC3,
+                 cv::Scalar::all(0));
+  const cv::Rect left(0, 0, image0.cols, image0.rows);
+  const cv::Rect right(image0.cols, 0, image1.cols, image1.rows);
+  cv::cvtColor(image0, canvas(left), cv::COLOR_GRAY2BGR);
+  cv::cvtColor(image1, canvas(right), cv::COLOR_GRAY2BGR);
+  constexpr int kShift = 3;  // circles and lines are drawn at eighths of a pixel
+  const auto at = [](const Keypoint& k, int offset) {
+    return cv::Point(cvRound((k.x + static_cast<float>(offset)) * (1 << kShift)),
+                     cvRound(k.y * (1 << kShift)));
+  };
+  const auto circles = [&](const Detections& features, int offset, const cv::Scalar& colour) {
+    for (const Keypoint& k : features.keypoints) {
+      cv::circle(canvas, at(k, offset), 2 << kShift, colour, 1, cv::LINE_AA, kShift);
+    }
+  };
+  circles(features0, 0, {210, 150, 60});
+  circles(features1, image0.cols, {210, 150, 60});
+  for (const Match& match : matches) {
+    const Keypoint& k0 = features0.keypoints[static_cast<std::size_t>(match.index0)];
+    const Keypoint& k1 = features1.keypoints[static_cast<std::size_t>(match.index1)];
+    const double sure = std::clamp(static_cast<double>(match.score), 0.0, 1.0);
+    const cv::Scalar colour(40, 220, 255 * (1 - sure));
+    cv::line(canvas, at(k0, 0), at(k1, image0.cols), colour, 1, cv::LINE_AA, kShift);
+    cv::circle(canvas, at(k0, 0), 2 << kShift, colour, 1, cv::LINE_AA, kShift);
+    cv::circle(canvas, at(k1, image0.cols), 2 << kShift, colour, 1, cv::LINE_AA, kShift);
+  }
+  return canvas;
+}
+
+void WritePicture(const std::string& file, const cv::Mat& picture) {
+  bool written = false;
+  try {
+    written = cv::imwrite(file, picture);
+  } catch (const cv::Exception&) {  // an ending that names no picture format
+  }
+  if (!written) {
+    Fail(
+        "{}: the picture could not be written; the folder must exist and the name end in .png "
+        "or .jpg",
+        file);
+  }
+}
+
+void WriteMatches(const std::string& file, const Detections& features0, const Detections& features1,
+                  const std::vector<Match>& matches) {
+  std::ofstream stream(file);
+  stream << "x0,y0,x1,y1,score\n";
+  for (const Match& match : matches) {
+    const Keypoint& k0 = features0.keypoints[static_cast<std::size_t>(match.index0)];
+    const Keypoint& k1 = features1.keypoints[static_cast<std::size_t>(match.index1)];
+    stream << fmt::format("{:.3f},{:.3f},{:.3f},{:.3f},{:.4f}\n", k0.x, k0.y, k1.x, k1.y,
+                          match.score);
+  }
+  stream.flush();
+  if (!stream) Fail("{}: the matches could not be written", file);
+}
+
+void RunFeatures(const FeaturesArguments& arguments) {
+  const cv::Mat image0 = ReadGrey(arguments.image0);
+  const cv::Mat image1 = ReadGrey(arguments.image1);
+  const ModelPack pack = LoadModelPack(arguments.model);
+  PlNet plnet(pack.features);
+  plnet.Prepare(image0.size());
+  plnet.Prepare(image1.size());
+  const std::unique_ptr<FeatureMatcher> matcher = std::make_unique<NearestMatcher>();
+
+  auto start = std::chrono::steady_clock::now();
+  const Detections features0 = plnet.Detect(image0, cv::Mat(), arguments.max_keypoints);
+  const Detections features1 = plnet.Detect(image1, cv::Mat(), arguments.max_keypoints);
+  const double detect_ms = MillisecondsSince(start) / 2;
+  start = std::chrono::steady_clock::now();
+  const std::vector<Match> matches =
+      matcher->Match({features0.keypoints, features0.descriptors, image0.size()},
+                     {features1.keypoints, features1.descriptors, image1.size()});
+  const double match_ms = MillisecondsSince(start);
+
+  if (!arguments.picture.empty()) {
+    WritePicture(arguments.picture, Draw(image0, image1, features0, features1, matches));
+  }
+  if (!arguments.csv.empty()) WriteMatches(arguments.csv, features0, features1, matches);
+  std::printf("model pack    %s\n", pack.name.c_str());
+  std::printf("keypoints     %zu and %zu, %.1f ms an image\n", features0.keypoints.size(),
+              features1.keypoints.size(), detect_ms);
+  std::printf("matches       %zu, %.1f ms\n", matches.size(), match_ms);
+}
+
+}  // namespace
+
+void AddFeaturesCommand(CLI::App& app) {
+  auto arguments = std::make_shared<FeaturesArguments>();
+  CLI::App* command = app.add_subcommand("features", "Detect, match and draw two images' features");
+  command->add_option("image0", arguments->image0, "First image")->required();
+  command->add_option("image1", arguments->image1, "Second image")->required();
+  command->add_option("--out", arguments->picture, "Picture to write (.png or .jpg)");
+  command->add_option("--csv", arguments->csv, "Table of the matches to write");
+  command->add_option("--model", arguments->model, "Model pack, by name or folder")
+      ->capture_default_str();
+  command->add_option("--matcher", arguments->matcher, "How to match")
+      ->check(CLI::IsMember({"transformer", "nearest"}))
+      ->capture_default_str();
+  command->add_option("--max-keypoints", arguments->max_keypoints, "Keypoints of each image")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->callback([arguments] { RunFeatures(*arguments); });
+}
+
+}  // namespace airslam

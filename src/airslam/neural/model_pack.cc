@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/neural/model_pack.h"
+
+#include <openssl/evp.h>
+
+#include <array>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "airslam/common/error.h"
+
+namespace airslam {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int kFormat = 1;
+
+// One object of the manifest, with what error messages need to name its fields.
+class Section {
+ public:
+  Section(const json& object, std::string file, std::string prefix)
+      : object_(object), file_(std::move(file)), prefix_(std::move(prefix)) {
+    if (!object_.is_object()) Fail("{}: '{}' is not an object", file_, prefix_);
+  }
+
+  std::string Name(const std::string& key) const {
+    return prefix_.empty() ? key : prefix_ + "." + key;
+  }
+
+  const json& At(const std::string& key) const {
+    const auto value = object_.find(key);
+    if (value == object_.end()) Fail("{}: the field '{}' is missing", file_, Name(key));
+    return *value;
+  }
+
+  std::string Text(const std::string& key) const {
+    const json& value = At(key);
+    if (!value.is_string() || value.get_ref<const std::string&>().empty()) {
+      Fail("{}: '{}' is {}, expected a text", file_, Name(key), value.dump());
+    }
+    return value.get<std::string>();
+  }
+
+  bool Flag(const std::string& key) const {
+    const json& value = At(key);
+    if (!value.is_boolean()) {
+      Fail("{}: '{}' is {}, expected true or false", file_, Name(key), value.dump());
+    }
+    return value.get<bool>();
+  }
+
+  int Integer(const std::string& key, int low, int high) const {
+    const json& value = At(key);
+    if (!value.is_number_integer() || value.get<double>() < low || value.get<double>() > high) {
+      Fail("{}: '{}' is {}, expected an integer from {} to {}", file_, Name(key), value.dump(), low,
+           high);
+    }
+    return value.get<int>();
+  }
+
+  float Number(const std::string& key, double low, double high) const {
+    const json& value = At(key);
+    if (!value.is_number() || value.get<double>() < low || value.get<double>() > high) {
+      Fail("{}: '{}' is {}, expected a number from {} to {}", file_, Name(key), value.dump(), low,
+           high);
+    }
+    return value.get<float>();
+  }
+
+  Section Sub(const std::string& key) const { return Section(At(key), file_, Name(key)); }
+
+  const std::string& file() const { return file_; }
+
+ private:
+  const json& object_;
+  std::string file_;
+  std::string prefix_;
+};
+
+// The file that a section names, after comparing its hash.
+PackFile CheckedFile(const Section& section, const fs::path& folder) {
+  const std::string name = section.Text("file");
+  if (fs::path(name).filename() != name || name == "." || name == "..") {
+    Fail("{}: '{}' is \"{}\", expected a plain file name", section.file(), section.Name("file"),
+         name);
+  }
+  PackFile file;
+  file.path = (folder / name).string();
+  file.sha256 = section.Text("sha256");
+  std::error_code error;
+  if (!fs::is_regular_file(file.path, error)) {
+    Fail("{}: no such file, but {} names it: the model pack is incomplete", file.path,
+         section.file());
+  }
+  const std::string found = Sha256OfFile(file.path);
+  if (found != file.sha256) {
+    Fail("{}: its SHA-256 is {}, but {} states {}: the file is damaged or of another version",
+         file.path, found, section.file(), file.sha256);
+  }
+  return file;
+}
+
+FeatureNetworkSpec ReadFeatures(const Section& section, const fs::path& folder) {
+  FeatureNetworkSpec spec;
+  spec.network = CheckedFile(section, folder);
+  spec.input = section.Text("input");
+  const std::string normalization = section.Text("normalization");
+  if (normalization != "unit" && normalization != "standardize") {
+    Fail("{}: '{}' is \"{}\", expected \"unit\" or \"standardize\"", section.file(),
+         section.Name("normalization"), normalization);
+  }
+  spec.normalization = normalization == "unit" ? Normalization::kUnit : Normalization::kStandardize;
+  spec.descriptors = section.Text("descriptors");
+  spec.scores = section.Text("scores");
+  spec.descriptor_size = section.Integer("descriptor_size", 1, 1024);
+  spec.descriptor_stride = section.Integer("descriptor_stride", 1, 64);
+  spec.multiple = section.Integer("multiple", 1, 256);
+  if (spec.multiple % spec.descriptor_stride != 0) {
+    Fail("{}: '{}' is {}, expected a multiple of the descriptor stride {}", section.file(),
+         section.Name("multiple"), spec.multiple, spec.descriptor_stride);
+  }
+  spec.half_pixel = section.Flag("half_pixel");
+  spec.score_threshold = section.Number("score_threshold", -1e6, 1e6);
+  spec.nms_radius = section.Integer("nms_radius", 1, 16);
+  return spec;
+}
+
+MatcherSpec ReadMatcher(const Section& section, const fs::path& folder) {
+  MatcherSpec spec;
+  spec.keypoints = section.Integer("keypoints", 1, 4096);
+  spec.threshold = section.Number("threshold", 0, 1);
+  spec.exit_confidence = section.Number("exit_confidence", 0, 1);
+  const json& stages = section.At("stages");
+  if (!stages.is_array() || stages.empty()) {
+    Fail("{}: '{}' is not a list of at least one stage", section.file(), section.Name("stages"));
+  }
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    spec.stages.push_back(CheckedFile(
+        Section(stages[i], section.file(), fmt::format("matcher.stages[{}]", i)), folder));
+  }
+  return spec;
+}
+
+json ParseManifest(const fs::path& file) {
+  std::ifstream stream(file);
+  if (!stream) Fail("{}: cannot be read", file.string());
+  try {
+    return json::parse(stream);
+  } catch (const json::exception& error) {
+    Fail("{}: not valid JSON: {}", file.string(), error.what());
+  }
+}
+
+}  // namespace
+
+std::string Sha256OfFile(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) Fail("{}: cannot be read", file.string());
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
+                                                                        &EVP_MD_CTX_free);
+  bool ok = context != nullptr && EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) == 1;
+  std::array<char, 1 << 16> block;
+  while (ok && stream) {
+    stream.read(block.data(), block.size());
+    ok = EVP_DigestUpdate(context.get(), block.data(), static_cast<std::size_t>(stream.gcount())) ==
+         1;
+  }
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
+  unsigned int size = 0;
+  ok = ok && EVP_DigestFinal_ex(context.get(), digest.data(), &size) == 1;
+  if (!ok || stream.bad()) Fail("{}: its SHA-256 could not be computed", file.string());
+  std::string text;
+  for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
+  return text;
+}
+
+std::string FindModelPack(const std::string& name_or_path) {
+  std::error_code error;
+  if (fs::is_directory(name_or_path, error)) return name_or_path;
+  std::string looked = "'" + name_or_path + "'";
+  if (!name_or_path.empty() && name_or_path.find('/') == std::string::npos) {
+    const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path();
+    for (const char* models : {"../share/airslam/models", "../../models"}) {
+      const fs::path folder = (program / models / name_or_path).lexically_normal();
+      if (fs::is_directory(folder, error)) return folder.string();
+      looked += ", '" + folder.string() + "'";
+    }
+  }
+  Fail("no model pack '{}': there is no folder {}", name_or_path, looked);
+}
+
+ModelPack ReadModelPack(const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) Fail("{}: no such model pack folder", folder);
+  const fs::path file = fs::path(folder) / "manifest.json";
+  if (!fs::is_regular_file(file, error)) {
+    Fail("{}: not a model pack: it holds no manifest.json", folder);
+  }
+  const json manifest = ParseManifest(file);
+  if (!manifest.is_object()) Fail("{}: not a JSON object", file.string());
+  const Section root(manifest, file.string(), "");
+  const json& format = root.At("format");
+  if (format != kFormat) {
+    Fail("{}: format {} is unknown, this program reads format {}", file.string(), format.dump(),
+         kFormat);
+  }
+  ModelPack pack;
+  pack.name = root.Text("name");
+  pack.license = root.Text("license");
+  pack.folder = folder;
+  pack.sha256 = Sha256OfFile(file);
+  pack.features = ReadFeatures(root.Sub("features"), folder);
+  if (manifest.contains("matcher")) pack.matcher = ReadMatcher(root.Sub("matcher"), folder);
+  return pack;
+}
+
+ModelPack LoadModelPack(const std::string& name_or_path) {
+  return ReadModelPack(FindModelPack(name_or_path));
+}
+
+}  // namespace airslam

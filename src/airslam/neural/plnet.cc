@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/neural/plnet.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "airslam/common/error.h"
+
+namespace airslam {
+namespace {
+
+// A stereo pair needs one size, a folder of pictures perhaps a few.
+constexpr std::size_t kMaxInstances = 4;
+
+// Standard deviations below this are the noise of a dark image, not contrast to be stretched.
+constexpr double kMinDeviation = 2.0;
+
+int RoundUp(int value, int multiple) { return (value + multiple - 1) / multiple * multiple; }
+
+// The normalised value of each grey level.
+std::array<float, 256> NormalizationTable(const cv::Mat& image, Normalization normalization) {
+  double mean = 0;
+  double scale = 1.0 / 255.0;
+  if (normalization == Normalization::kStandardize) {
+    std::uint64_t sum = 0, sum_of_squares = 0;  // exact: the result does not depend on the order
+    for (int y = 0; y < image.rows; ++y) {
+      const std::uint8_t* row = image.ptr<std::uint8_t>(y);
+      std::uint32_t row_sum = 0, row_squares = 0;
+      for (int x = 0; x < image.cols; ++x) {
+        row_sum += row[x];
+        row_squares += static_cast<std::uint32_t>(row[x]) * row[x];
+      }
+      sum += row_sum;
+      sum_of_squares += row_squares;
+    }
+    const auto count = static_cast<double>(image.total());
+    mean = static_cast<double>(sum) / count;
+    const double variance = static_cast<double>(sum_of_squares) / count - mean * mean;
+    scale = 1.0 / std::max(std::sqrt(std::max(variance, 0.0)), kMinDeviation);
+  }
+  std::array<float, 256> table;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    table[i] = static_cast<float>((static_cast<double>(i) - mean) * scale);
+  }
+  return table;
+}
+
+// Four cells of a descriptor map with their weights.
+struct BilinearTap {
+  std::ptrdiff_t top, bottom;  // offsets of the left cells
+  std::ptrdiff_t right;        // step to the right cells
+  float w00, w01, w10, w11;    // top left, top right, bottom left, bottom right
+};
+
+BilinearTap MakeTap(const Keypoint& k, int stride, bool half_pixel, int width, int height) {
+  const auto s = static_cast<float>(stride);
+  const auto cell = [&](float pixel, int size) {
+    const float c = half_pixel ? (pixel + 0.5F) / s - 0.5F : pixel / s;
+    return std::clamp(c, 0.0F, static_cast<float>(size - 1));
+  };
+  const float x = cell(k.x, width), y = cell(k.y, height);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const float ax = x - static_cast<float>(x0), ay = y - static_cast<float>(y0);
+  const int y1 = std::min(y0 + 1, height - 1);
+  return {static_cast<std::ptrdiff_t>(y0) * width + x0,
+          static_cast<std::ptrdiff_t>(y1) * width + x0,
+          x0 + 1 < width ? 1 : 0,
+          (1 - ax) * (1 - ay),
+          ax * (1 - ay),
+          (1 - ax) * ay,
+          ax * ay};
+}
+
+}  // namespace
+
+void NormalizeImage(const cv::Mat& image, Normalization normalization, int width, int height,
+                    float* out) {
+  const std::array<float, 256> table = NormalizationTable(image, normalization);
+  for (int y = 0; y < height; ++y) {
+    float* row = out + static_cast<std::ptrdiff_t>(y) * width;
+    if (y >= image.rows) {
+      std::copy_n(row - width, width, row);
+      continue;
+    }
+    const std::uint8_t* source = image.ptr<std::uint8_t>(y);
+    for (int x = 0; x < image.cols; ++x) row[x] = table[source[x]];
+    std::fill(row + image.cols, row + width, row[image.cols - 1]);
+  }
+}
+
+DescriptorMatrix SampleDescriptors(const TensorView& map, std::span<const Keypoint> keypoints,
+                                   int stride, bool half_pixel) {
+  const int size = static_cast<int>(map.shape[1]);
+  const int height = static_cast<int>(map.shape[2]);
+  const int width = static_cast<int>(map.shape[3]);
+  std::vector<BilinearTap> taps;
+  taps.reserve(keypoints.size());
+  for (const Keypoint& k : keypoints) taps.push_back(MakeTap(k, stride, half_pixel, width, height));
+  DescriptorMatrix descriptors(static_cast<Eigen::Index>(keypoints.size()), size);
+  // One channel after the other: a channel of the map fits into the cache, the whole map does not.
+  for (int channel = 0; channel < size; ++channel) {
+    const float* plane = map.data + static_cast<std::ptrdiff_t>(channel) * width * height;
+    float* out = descriptors.data() + channel;
+    for (const BilinearTap& tap : taps) {
+      const float* top = plane + tap.top;
+      const float* bottom = plane + tap.bottom;
+      *out = tap.w00 * top[0] + tap.w01 * top[tap.right] + tap.w10 * bottom[0] +
+             tap.w11 * bottom[tap.right];
+      out += size;
+    }
+  }
+  for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
+    const float norm = descriptors.row(i).norm();
+    if (norm > 0) descriptors.row(i) /= norm;
+  }
+  return descriptors;
+}
+
+// The network compiled for one image size, and its input.
+struct PlNet::Instance {
+  cv::Size image_size;
+  int width = 0, height = 0;  // of the network's input
+  std::unique_ptr<Network> network;
+  std::vector<float> input;
+};
+
+PlNet::PlNet(const FeatureNetworkSpec& spec, NetworkLoader loader, const PlNetOptions& options)
+    : spec_(spec), loader_(std::move(loader)), options_(options) {
+  options_.decoder.score_threshold = spec_.score_threshold;
+  options_.decoder.nms_radius = spec_.nms_radius;
+  options_.decoder.Validate();
+}
+
+PlNet::~PlNet() = default;
+
+PlNet::Instance& PlNet::InstanceFor(cv::Size image_size) {
+  const auto found = std::find_if(instances_.begin(), instances_.end(), [&](const auto& instance) {
+    return instance->image_size == image_size;
+  });
+  if (found != instances_.end()) {
+    std::rotate(found, found + 1, instances_.end());
+    return *instances_.back();
+  }
+  auto instance = std::make_unique<Instance>();
+  instance->image_size = image_size;
+  instance->width = RoundUp(image_size.width, spec_.multiple);
+  instance->height = RoundUp(image_size.height, spec_.multiple);
+  instance->input.resize(static_cast<std::size_t>(instance->width) *
+                         static_cast<std::size_t>(instance->height));
+  const std::int64_t w = instance->width, h = instance->height, s = spec_.descriptor_stride;
+  instance->network = loader_(spec_.network.path, {{spec_.input, {1, 1, h, w}}});
+  instance->network->RequireOutput(spec_.scores, {1, 1, h, w});
+  instance->network->RequireOutput(spec_.descriptors, {1, spec_.descriptor_size, h / s, w / s});
+  if (instances_.size() == kMaxInstances) instances_.erase(instances_.begin());
+  instances_.push_back(std::move(instance));
+  return *instances_.back();
+}
+
+void PlNet::Prepare(cv::Size image_size) { InstanceFor(image_size); }
+
+Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) {
+  if (image.empty() || image.type() != CV_8UC1) {
+    Fail("PLNet takes grey images of type CV_8UC1 with at least one pixel, not {}x{} of type {}",
+         image.cols, image.rows, cv::typeToString(image.type()));
+  }
+  Instance& instance = InstanceFor(image.size());
+  NormalizeImage(image, spec_.normalization, instance.width, instance.height,
+                 instance.input.data());
+  const NamedTensor input{spec_.input,
+                          {instance.input.data(), {1, 1, instance.height, instance.width}}};
+  instance.network->Run({&input, 1});
+
+  KeypointDecoderOptions decoder = options_.decoder;
+  decoder.max_keypoints = max_keypoints;
+  const TensorView scores = instance.network->Output(spec_.scores);
+  Detections detections;
+  detections.keypoints =
+      DecodeKeypoints({scores.data, image.cols, image.rows, instance.width}, mask, decoder);
+  detections.descriptors =
+      SampleDescriptors(instance.network->Output(spec_.descriptors), detections.keypoints,
+                        spec_.descriptor_stride, spec_.half_pixel);
+  return detections;
+}
+
+}  // namespace airslam
