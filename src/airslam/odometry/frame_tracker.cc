@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/frame_tracker.h"
+
+#include <opencv2/calib3d.hpp>
+
+namespace airslam {
+namespace {
+
+constexpr double kMinDepth = 0.05;  // metres
+
+// How a small patch around `pixel` of the reference camera changes its shape in the current one,
+// taking the surface there to be parallel to the reference image at `depth`.
+Eigen::Matrix2d LocalWarp(const Pinhole& camera, const Eigen::Vector2d& pixel, double depth,
+                          const Rigid3& current_from_reference) {
+  constexpr double kStep = 4.0;  // pixels
+  const auto transfer = [&](const Eigen::Vector2d& p) {
+    return camera.Project(current_from_reference *
+                          Eigen::Vector3d(depth * camera.Unproject(p)));
+  };
+  const Eigen::Vector2d center = transfer(pixel);
+  Eigen::Matrix2d warp;
+  warp.col(0) = (transfer(pixel + Eigen::Vector2d(kStep, 0)) - center) / kStep;
+  warp.col(1) = (transfer(pixel + Eigen::Vector2d(0, kStep)) - center) / kStep;
+  return warp;
+}
+
+// PnP-RANSAC on matches of landmarks; OpenCV's generator has a fixed seed.
+std::vector<int> RansacInliers(const Pinhole& camera, const std::vector<cv::Point3d>& points,
+                               const std::vector<cv::Point2d>& pixels, double max_error,
+                               Rigid3& cam_from_world) {
+  std::vector<int> inliers;
+  if (points.size() < 6) return inliers;
+  const cv::Matx33d matrix(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  cv::Mat rotation_vector, translation;
+  cv::setRNGSeed(0);
+  const bool found = cv::solvePnPRansac(points, pixels, matrix, cv::noArray(), rotation_vector,
+                                        translation, false, 200, static_cast<float>(max_error),
+                                        0.999, inliers, cv::SOLVEPNP_EPNP);
+  if (!found) return {};
+  cv::Matx33d r;
+  cv::Rodrigues(rotation_vector, r);
+  Eigen::Matrix3d rotation;
+  rotation << r(0, 0), r(0, 1), r(0, 2), r(1, 0), r(1, 1), r(1, 2), r(2, 0), r(2, 1), r(2, 2);
+  cam_from_world = {Eigen::Quaterniond(rotation),
+                    Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
+                                    translation.at<double>(2))};
+  return inliers;
+}
+
+}  // namespace
+
+std::vector<Match> FrameTracker::MatchNearPrediction(const FrameView& frame,
+                                                     const Keyframe& keyframe,
+                                                     const Rigid3& world_from_cam) const {
+  const Pinhole& camera = map_.stereo().camera;
+  const double radius = options_.search_radius * camera.width;
+  const Rigid3 cam_from_world = world_from_cam.Inverse();
+  std::vector<Expectation> expectations;
+  for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
+    if (keyframe.landmarks[i] == kNoLandmark) continue;
+    const Eigen::Vector3d point =
+        cam_from_world * map_.map().landmarks.at(keyframe.landmarks[i]).point_in_world;
+    if (point.z() < kMinDepth) continue;
+    const Eigen::Vector2d pixel = camera.Project(point);
+    if (camera.Contains(pixel, -radius)) expectations.push_back({static_cast<int>(i), pixel});
+  }
+  return MatchExpectations(expectations, keyframe.descriptors, frame.grid,
+                           frame.features.descriptors, {radius, options_.min_similarity});
+}
+
+std::vector<Match> FrameTracker::MatchLearned(const FrameView& frame,
+                                              const Keyframe& keyframe) const {
+  const Pinhole& camera = map_.stereo().camera;
+  const cv::Size size(camera.width, camera.height);
+  std::vector<Match> matches =
+      matcher_.Match({keyframe.keypoints, keyframe.descriptors, size},
+                     {frame.features.keypoints, frame.features.descriptors, size});
+  std::erase_if(matches,
+                [&](const Match& m) { return keyframe.landmarks[m.index0] == kNoLandmark; });
+  return matches;
+}
+
+PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
+                                                     const Keyframe& keyframe,
+                                                     const std::vector<Match>& matches) const {
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> pixels;
+  for (const Match& match : matches) {
+    const Eigen::Vector3d& p =
+        map_.map().landmarks.at(keyframe.landmarks[match.index0]).point_in_world;
+    const Keypoint& k = frame.features.keypoints[match.index1];
+    points.emplace_back(p.x(), p.y(), p.z());
+    pixels.emplace_back(k.x, k.y);
+  }
+  Rigid3 cam_from_world;
+  const std::vector<int> inliers = RansacInliers(map_.stereo().camera, points, pixels,
+                                                 options_.ransac_error, cam_from_world);
+  std::vector<PointConstraint> constraints;
+  for (int i : inliers) {
+    constraints.push_back({{points[i].x, points[i].y, points[i].z},
+                           PointObservation{{pixels[i].x, pixels[i].y}, -1, 1.0}});
+  }
+  return OptimizePose(map_.stereo(), constraints, cam_from_world.Inverse(), {});
+}
+
+PatchAlignment FrameTracker::Seek(const cv::Mat& image, const Rigid3& world_from_cam,
+                                  LandmarkId landmark, const KeypointRef& reference) const {
+  const Pinhole& camera = map_.stereo().camera;
+  const Eigen::Vector3d& point_in_world = map_.map().landmarks.at(landmark).point_in_world;
+  const Eigen::Vector3d point_in_cam = world_from_cam.Inverse() * point_in_world;
+  if (point_in_cam.z() < kMinDepth) return {};
+  const Eigen::Vector2d expected = camera.Project(point_in_cam);
+  if (!camera.Contains(expected, 6)) return {};
+
+  const Keyframe& keyframe = map_.map().keyframes.at(reference.keyframe);
+  const Keypoint& keypoint = keyframe.keypoints[reference.index];
+  const Eigen::Vector2d pixel(keypoint.x, keypoint.y);
+  const double depth = (keyframe.world_from_cam.Inverse() * point_in_world).z();
+  if (depth < kMinDepth) return {};
+  const Eigen::Matrix2d warp =
+      LocalWarp(camera, pixel, depth, world_from_cam.Inverse() * keyframe.world_from_cam);
+  PatchAlignmentOptions alignment;
+  alignment.min_correlation = options_.min_correlation;
+  return AlignPatch(map_.image(reference.keyframe), pixel, warp, image, expected, alignment);
+}
+
+std::optional<TrackedFrame> FrameTracker::AlignAndOptimize(const FrameView& frame,
+                                                           const Keyframe& keyframe,
+                                                           const Rigid3& world_from_cam) const {
+  std::vector<TrackedPoint> candidates;
+  std::vector<PointConstraint> constraints;
+  for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
+    const LandmarkId landmark = keyframe.landmarks[i];
+    if (landmark == kNoLandmark) continue;
+    const int index = static_cast<int>(i);
+    const PatchAlignment found = Seek(frame.image, world_from_cam, landmark, {keyframe.id, index});
+    if (!found.converged) continue;
+    candidates.push_back({index, landmark, found.pixel});
+    constraints.push_back({map_.map().landmarks.at(landmark).point_in_world,
+                           PointObservation{found.pixel, -1, options_.pixel_sigma}});
+  }
+  const PoseOptimizationResult pose = OptimizePose(map_.stereo(), constraints, world_from_cam, {});
+  if (pose.inliers < options_.min_tracked) return std::nullopt;
+
+  TrackedFrame result;
+  result.keyframe = keyframe.id;
+  result.world_from_cam = pose.world_from_cam;
+  result.rms = pose.rms;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (!pose.inlier[i]) continue;
+    const Keypoint& k = keyframe.keypoints[candidates[i].keyframe_index];
+    result.mean_parallax += (candidates[i].pixel - Eigen::Vector2d(k.x, k.y)).norm();
+    result.points.push_back(candidates[i]);
+  }
+  result.mean_parallax /= static_cast<double>(result.points.size());
+  return result;
+}
+
+std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Keyframe& keyframe,
+                                                const Rigid3& predicted_world_from_cam) const {
+  const PoseOptimizationResult guided = PoseFromMatches(
+      frame, keyframe, MatchNearPrediction(frame, keyframe, predicted_world_from_cam));
+  if (guided.inliers >= options_.min_guided_inliers) {
+    if (auto tracked = AlignAndOptimize(frame, keyframe, guided.world_from_cam)) return tracked;
+  }
+  const PoseOptimizationResult learned =
+      PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
+  const PoseOptimizationResult& better = learned.inliers > guided.inliers ? learned : guided;
+  if (better.inliers < options_.min_tracked) return std::nullopt;
+  auto tracked = AlignAndOptimize(frame, keyframe, better.world_from_cam);
+  if (tracked) tracked->used_matcher = true;
+  return tracked;
+}
+
+std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
+                                                   const Keyframe& keyframe,
+                                                   int min_inliers) const {
+  const PoseOptimizationResult pose =
+      PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
+  if (pose.inliers < min_inliers) return std::nullopt;
+  auto tracked = AlignAndOptimize(frame, keyframe, pose.world_from_cam);
+  if (tracked) tracked->used_matcher = true;
+  return tracked;
+}
+
+}  // namespace airslam

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "airslam/feature/keypoint_grid.h"
+#include "airslam/map/keyframe.h"
+#include "airslam/neural/feature_matcher.h"
+#include "airslam/odometry/local_map.h"
+#include "airslam/odometry/options.h"
+#include "airslam/optimize/pose_optimization.h"
+
+namespace airslam {
+
+// A landmark of the keyframe, found in the current frame.
+struct TrackedPoint {
+  int keyframe_index = -1;  // keypoint of the keyframe
+  LandmarkId landmark = kNoLandmark;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+};
+
+// Pose of a frame with the points that hold it.
+struct TrackedFrame {
+  KeyframeId keyframe = -1;  // it was tracked against
+  Rigid3 world_from_cam;
+  std::vector<TrackedPoint> points;  // inliers of the final pose
+  double mean_parallax = 0;          // pixels, mean displacement from the keyframe
+  double rms = 0;                    // pixels in sigmas
+  bool used_matcher = false;         // the learned matcher was needed
+};
+
+// The current frame as the tracker sees it.
+struct FrameView {
+  const cv::Mat& image;  // rectified left, CV_8UC1
+  const Detections& features;
+  const KeypointGrid& grid;
+};
+
+// Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D): features
+// near their predicted place by descriptor, the learned matcher where these fall short, PnP-RANSAC,
+// motion-only optimization; then every landmark of the keyframe is sought at its place under that
+// pose and aligned to sub-pixel accuracy, and the pose optimized once more. Holds no state.
+class FrameTracker {
+ public:
+  FrameTracker(const TrackingOptions& options, const LocalMap& map, FeatureMatcher& matcher)
+      : options_(options), map_(map), matcher_(matcher) {}
+
+  // Tracks against `keyframe`, starting at the predicted pose. Nothing when too few points agree.
+  std::optional<TrackedFrame> Track(const FrameView& frame, const Keyframe& keyframe,
+                                    const Rigid3& predicted_world_from_cam) const;
+
+  // Finds the frame's pose from the learned matcher alone, without a prediction.
+  std::optional<TrackedFrame> Relocate(const FrameView& frame, const Keyframe& keyframe,
+                                       int min_inliers) const;
+
+  // Seeks a landmark at its place under `world_from_cam`, by the patch of `reference`.
+  // Not converged when it is out of sight or looks different.
+  PatchAlignment Seek(const cv::Mat& image, const Rigid3& world_from_cam, LandmarkId landmark,
+                      const KeypointRef& reference) const;
+
+ private:
+  std::vector<Match> MatchNearPrediction(const FrameView& frame, const Keyframe& keyframe,
+                                         const Rigid3& world_from_cam) const;
+  std::vector<Match> MatchLearned(const FrameView& frame, const Keyframe& keyframe) const;
+  PoseOptimizationResult PoseFromMatches(const FrameView& frame, const Keyframe& keyframe,
+                                         const std::vector<Match>& matches) const;
+  std::optional<TrackedFrame> AlignAndOptimize(const FrameView& frame, const Keyframe& keyframe,
+                                               const Rigid3& world_from_cam) const;
+
+  const TrackingOptions& options_;
+  const LocalMap& map_;
+  FeatureMatcher& matcher_;
+};
+
+}  // namespace airslam

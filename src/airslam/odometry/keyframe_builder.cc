@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/keyframe_builder.h"
+
+#include <set>
+
+namespace airslam {
+
+// A landmark found at a pixel of the new keyframe.
+struct KeyframeBuilder::Claim {
+  LandmarkId landmark;
+  Eigen::Vector2d pixel;
+  KeypointRef source;  // whose descriptor stands in where no keypoint was detected
+};
+
+std::vector<KeyframeBuilder::Claim> KeyframeBuilder::ClaimLandmarks(
+    const FrameView& frame, const TrackedFrame& tracked) const {
+  std::vector<Claim> claims;
+  std::set<LandmarkId> taken;
+  for (const TrackedPoint& point : tracked.points) {
+    // The patch that defined the landmark keeps the track free of drift; where it has become too
+    // different, the one of the keyframe tracked against serves.
+    Claim claim{point.landmark, point.pixel, {tracked.keyframe, point.keyframe_index}};
+    const KeypointRef reference = map_.Reference(point.landmark);
+    if (reference.keyframe >= 0 && reference.keyframe != tracked.keyframe) {
+      const PatchAlignment aligned =
+          tracker_.Seek(frame.image, tracked.world_from_cam, point.landmark, reference);
+      if (aligned.converged && (aligned.pixel - point.pixel).norm() < 1.5) {
+        claim.pixel = aligned.pixel;
+      }
+    }
+    claims.push_back(claim);
+    taken.insert(point.landmark);
+  }
+  // Landmarks of earlier keyframes that the last one did not hold may be in sight again.
+  for (KeyframeId id : map_.window()) {
+    for (LandmarkId landmark : map_.map().keyframes.at(id).landmarks) {
+      if (landmark == kNoLandmark || !taken.insert(landmark).second) continue;
+      const KeypointRef reference = map_.Reference(landmark);
+      if (reference.keyframe < 0) continue;
+      const PatchAlignment aligned =
+          tracker_.Seek(frame.image, tracked.world_from_cam, landmark, reference);
+      if (aligned.converged) claims.push_back({landmark, aligned.pixel, reference});
+    }
+  }
+  return claims;
+}
+
+Keyframe KeyframeBuilder::FromDetections(const FrameView& frame, std::int64_t timestamp_ns,
+                                         int component, const Rigid3& world_from_cam) const {
+  Keyframe keyframe;
+  keyframe.id = map_.next_keyframe_id();
+  keyframe.timestamp_ns = timestamp_ns;
+  keyframe.component = component;
+  keyframe.world_from_cam = world_from_cam;
+  keyframe.keypoints = frame.features.keypoints;
+  keyframe.descriptors = frame.features.descriptors;
+  keyframe.landmarks.assign(keyframe.keypoints.size(), kNoLandmark);
+  keyframe.right_x.assign(keyframe.keypoints.size(), -1.0f);
+  return keyframe;
+}
+
+Keyframe KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
+                                      const TrackedFrame& tracked) const {
+  Keyframe keyframe =
+      FromDetections(frame, timestamp_ns, map_.last().component, tracked.world_from_cam);
+  const int detected = static_cast<int>(keyframe.keypoints.size());
+  std::vector<Claim> without_keypoint;
+  for (const Claim& claim : ClaimLandmarks(frame, tracked)) {
+    constexpr double kSamePlace = 2.5;  // pixels
+    int nearest = -1;
+    double nearest_distance = kSamePlace;
+    frame.grid.VisitNear(claim.pixel, kSamePlace, [&](int index) {
+      const Keypoint& k = frame.features.keypoints[index];
+      const double distance = (Eigen::Vector2d(k.x, k.y) - claim.pixel).norm();
+      if (keyframe.landmarks[index] == kNoLandmark && distance < nearest_distance) {
+        nearest = index;
+        nearest_distance = distance;
+      }
+    });
+    if (nearest < 0) {
+      without_keypoint.push_back(claim);
+      continue;
+    }
+    keyframe.landmarks[nearest] = claim.landmark;
+    keyframe.keypoints[nearest].x = static_cast<float>(claim.pixel.x());
+    keyframe.keypoints[nearest].y = static_cast<float>(claim.pixel.y());
+  }
+  const int total = detected + static_cast<int>(without_keypoint.size());
+  keyframe.descriptors.conservativeResize(total, Eigen::NoChange);
+  for (const Claim& claim : without_keypoint) {
+    const Keyframe& source = map_.map().keyframes.at(claim.source.keyframe);
+    keyframe.descriptors.row(static_cast<int>(keyframe.keypoints.size())) =
+        source.descriptors.row(claim.source.index);
+    keyframe.keypoints.push_back({static_cast<float>(claim.pixel.x()),
+                                  static_cast<float>(claim.pixel.y()),
+                                  source.keypoints[claim.source.index].score});
+    keyframe.landmarks.push_back(claim.landmark);
+  }
+  keyframe.right_x.assign(total, -1.0f);
+  return keyframe;
+}
+
+void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_image,
+                                 const Detections& right, Keyframe& keyframe) const {
+  const Rigid3 cam_from_world = keyframe.world_from_cam.Inverse();
+  std::vector<float> expected(keyframe.keypoints.size(), -1.0f);
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    if (keyframe.landmarks[i] == kNoLandmark) continue;
+    const Eigen::Vector3d point =
+        cam_from_world * map_.map().landmarks.at(keyframe.landmarks[i]).point_in_world;
+    expected[i] = static_cast<float>(map_.stereo().Disparity(point.z()));
+  }
+  StereoMatchingOptions stereo;
+  stereo.min_similarity = options_.tracking.min_similarity;
+  stereo.alignment.min_correlation = options_.tracking.min_correlation;
+  keyframe.right_x = MatchStereo(
+      {frame.image, right_image, keyframe.keypoints, keyframe.descriptors, right}, map_.stereo(),
+      expected, stereo);
+}
+
+std::vector<LandmarkId> KeyframeBuilder::AddLandmarks(Keyframe& keyframe) {
+  const Pinhole& camera = map_.stereo().camera;
+  std::vector<Keypoint> occupied;
+  for (std::size_t i = 0; i < keyframe.keypoints.size(); ++i) {
+    if (keyframe.landmarks[i] != kNoLandmark) occupied.push_back(keyframe.keypoints[i]);
+  }
+  const KeypointGrid occupied_grid(occupied, camera.width, camera.height);
+  std::vector<LandmarkId> added;
+  for (std::size_t i = 0; i < keyframe.keypoints.size(); ++i) {
+    if (keyframe.landmarks[i] != kNoLandmark || keyframe.right_x[i] < 0) continue;
+    const Eigen::Vector2d pixel(keyframe.keypoints[i].x, keyframe.keypoints[i].y);
+    bool crowded = false;
+    occupied_grid.VisitNear(pixel, options_.keyframe.min_spacing, [&](int) { crowded = true; });
+    if (crowded) continue;
+    const double depth = map_.stereo().Depth(pixel.x() - keyframe.right_x[i]);
+    keyframe.landmarks[i] =
+        map_.AddLandmark(keyframe.world_from_cam * Eigen::Vector3d(depth * camera.Unproject(pixel)));
+    added.push_back(keyframe.landmarks[i]);
+  }
+  return added;
+}
+
+}  // namespace airslam

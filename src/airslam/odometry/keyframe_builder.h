@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <span>
+#include <vector>
+
+#include "airslam/neural/feature_detector.h"
+#include "airslam/odometry/frame_tracker.h"
+#include "airslam/odometry/local_map.h"
+#include "airslam/odometry/options.h"
+
+namespace airslam {
+
+// Turns a tracked frame into a keyframe of the map: its keypoints take over the landmarks that were
+// tracked or seen again, the right image gives depth, and what has depth but no landmark becomes a
+// new one (paper, sections V-B and V-C).
+class KeyframeBuilder {
+ public:
+  KeyframeBuilder(const OdometryOptions& options, const FrameTracker& tracker, LocalMap& map)
+      : options_(options), tracker_(tracker), map_(map) {}
+
+  // A keyframe (not yet in the map) at `tracked`, with the landmarks of the local map that it sees.
+  Keyframe FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
+                       const TrackedFrame& tracked) const;
+
+  // The first keyframe of a component: no landmarks yet.
+  Keyframe FromDetections(const FrameView& frame, std::int64_t timestamp_ns, int component,
+                          const Rigid3& world_from_cam) const;
+
+  // Fills keyframe.right_x from the right image.
+  void MatchRight(const FrameView& frame, const cv::Mat& right_image, const Detections& right,
+                  Keyframe& keyframe) const;
+
+  // Creates landmarks for keypoints with a right match and none yet. Returns their ids.
+  std::vector<LandmarkId> AddLandmarks(Keyframe& keyframe);
+
+ private:
+  struct Claim;
+  std::vector<Claim> ClaimLandmarks(const FrameView& frame, const TrackedFrame& tracked) const;
+
+  const OdometryOptions& options_;
+  const FrameTracker& tracker_;
+  LocalMap& map_;
+};
+
+}  // namespace airslam

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/local_map.h"
+
+#include <algorithm>
+#include <set>
+
+namespace airslam {
+
+LocalMap::LocalMap(const MapCalibration& calibration, const LocalMapOptions& options,
+                   double pixel_sigma)
+    : options_(options), pixel_sigma_(pixel_sigma) {
+  map_.calibration = calibration;
+}
+
+KeypointRef LocalMap::Reference(LandmarkId id) const {
+  for (const KeypointRef& ref : seen_by_.at(id)) {
+    if (images_.contains(ref.keyframe)) return ref;
+  }
+  return {};
+}
+
+LandmarkId LocalMap::AddLandmark(const Eigen::Vector3d& point_in_world) {
+  const LandmarkId id = next_landmark_++;
+  map_.landmarks[id] = {id, point_in_world, next_keyframe_};
+  seen_by_[id] = {};
+  return id;
+}
+
+void LocalMap::AddKeyframe(Keyframe keyframe, const cv::Mat& left_image) {
+  const KeyframeId id = keyframe.id;
+  next_keyframe_ = id + 1;
+  if (!window_.empty() && last().component != keyframe.component) {
+    window_.clear();
+    images_.clear();
+  }
+  for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
+    if (keyframe.landmarks[i] == kNoLandmark) continue;
+    seen_by_.at(keyframe.landmarks[i]).push_back({id, static_cast<int>(i)});
+  }
+  map_.keyframes[id] = std::move(keyframe);
+  images_[id] = left_image;
+  window_.push_back(id);
+  if (window_.size() > static_cast<std::size_t>(options_.window)) {
+    images_.erase(window_.front());
+    window_.erase(window_.begin());
+  }
+}
+
+BundleJob LocalMap::MakeBundleJob() const {
+  BundleJob job;
+  std::set<LandmarkId> landmarks;
+  for (KeyframeId id : window_) {
+    for (LandmarkId landmark : map_.keyframes.at(id).landmarks) {
+      if (landmark != kNoLandmark) landmarks.insert(landmark);
+    }
+  }
+  std::set<KeyframeId> anchors;  // keyframes before the window, the latest of them
+  for (LandmarkId landmark : landmarks) {
+    for (const KeypointRef& ref : seen_by_.at(landmark)) {
+      if (ref.keyframe < window_.front()) anchors.insert(ref.keyframe);
+    }
+  }
+  while (anchors.size() > static_cast<std::size_t>(options_.max_fixed)) {
+    anchors.erase(anchors.begin());
+  }
+
+  std::map<KeyframeId, int> pose_index;
+  const auto add_pose = [&](KeyframeId id, bool fixed) {
+    pose_index[id] = static_cast<int>(job.keyframes.size());
+    job.keyframes.push_back(id);
+    job.problem.world_from_cam.push_back(map_.keyframes.at(id).world_from_cam);
+    job.problem.pose_fixed.push_back(fixed);
+  };
+  for (KeyframeId id : anchors) add_pose(id, true);
+  for (KeyframeId id : window_) add_pose(id, anchors.empty() && id == window_.front());
+
+  job.problem.stereo = stereo();
+  for (LandmarkId landmark : landmarks) {
+    const int point = static_cast<int>(job.landmarks.size());
+    job.landmarks.push_back(landmark);
+    job.problem.points_in_world.push_back(map_.landmarks.at(landmark).point_in_world);
+    for (const KeypointRef& ref : seen_by_.at(landmark)) {
+      const auto pose = pose_index.find(ref.keyframe);
+      if (pose == pose_index.end()) continue;
+      const Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
+      const Keypoint& keypoint = keyframe.keypoints[ref.index];
+      job.observations.push_back(ref);
+      job.problem.observations.push_back(
+          {pose->second, point,
+           PointObservation{{keypoint.x, keypoint.y}, keyframe.right_x[ref.index], pixel_sigma_}});
+    }
+  }
+  return job;
+}
+
+void LocalMap::RemoveObservation(const KeypointRef& ref) {
+  Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
+  std::vector<KeypointRef>& refs = seen_by_.at(keyframe.landmarks[ref.index]);
+  std::erase_if(refs, [&](const KeypointRef& r) { return r.keyframe == ref.keyframe; });
+  keyframe.landmarks[ref.index] = kNoLandmark;
+}
+
+void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
+                                     MapWriter::Update& update) {
+  for (LandmarkId id : candidates) {
+    if (!seen_by_.at(id).empty()) continue;
+    seen_by_.erase(id);
+    map_.landmarks.erase(id);
+    update.removed_landmarks.push_back(id);
+  }
+}
+
+MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
+  MapWriter::Update update;
+  for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
+    if (solved.problem.pose_fixed[i]) continue;
+    const Rigid3& pose = solved.problem.world_from_cam[i];
+    map_.keyframes.at(solved.keyframes[i]).world_from_cam = pose;
+    update.world_from_cam.emplace_back(solved.keyframes[i], pose);
+  }
+  std::set<KeyframeId> changed;
+  for (std::size_t i = 0; i < solved.observations.size(); ++i) {
+    if (!solved.summary.outlier[i]) continue;
+    RemoveObservation(solved.observations[i]);
+    changed.insert(solved.observations[i].keyframe);
+  }
+  for (std::size_t i = 0; i < solved.landmarks.size(); ++i) {
+    map_.landmarks.at(solved.landmarks[i]).point_in_world = solved.problem.points_in_world[i];
+  }
+  RemoveUnseenLandmarks(solved.landmarks, update);
+  for (LandmarkId id : solved.landmarks) {
+    if (map_.landmarks.contains(id)) update.landmarks.push_back(map_.landmarks.at(id));
+  }
+  for (KeyframeId id : changed) {
+    update.keyframe_landmarks.emplace_back(id, map_.keyframes.at(id).landmarks);
+  }
+  return update;
+}
+
+}  // namespace airslam

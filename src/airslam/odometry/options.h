@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "airslam/feature/guided_matching.h"
+#include "airslam/feature/patch_alignment.h"
+#include "airslam/feature/stereo_matching.h"
+#include "airslam/optimize/bundle.h"
+#include "airslam/optimize/pose_optimization.h"
+
+namespace airslam {
+
+// How a frame is matched with the last keyframe.
+struct TrackingOptions {
+  // Pixels around a feature's predicted place, as a share of the image width, in (0, 1].
+  double search_radius = 0.06;
+  // Cosine of descriptors below which two features are not the same, in [-1, 1].
+  double min_similarity = 0.6;
+  // Pixels: PnP-RANSAC's bound on the re-projection error, > 0.
+  double ransac_error = 4.0;
+  // With fewer PnP inliers than this the learned matcher is asked, > 0.
+  int min_guided_inliers = 40;
+  // With fewer points the frame is lost, >= 6.
+  int min_tracked = 15;
+  // Standard deviation of an aligned patch's position in pixels, > 0.
+  double pixel_sigma = 0.4;
+  // Zero-mean normalised correlation that an aligned patch needs, in (0, 1).
+  double min_correlation = 0.75;
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("search_radius", search_radius);
+    v.Field("min_similarity", min_similarity);
+    v.Field("ransac_error", ransac_error);
+    v.Field("min_guided_inliers", min_guided_inliers);
+    v.Field("min_tracked", min_tracked);
+    v.Field("pixel_sigma", pixel_sigma);
+    v.Field("min_correlation", min_correlation);
+  }
+};
+
+// When a frame becomes a keyframe (paper, section V-C).
+struct KeyframeOptions {
+  // alpha_1: fewer tracked points than this share of the last keyframe's landmarks, in (0, 1).
+  double min_tracked_share = 0.65;
+  // alpha_2: mean parallax to the last keyframe above this share of sqrt(width * height), > 0.
+  double max_parallax = 0.06;
+  // N_kf: fewer tracked points than this, > 0.
+  int min_tracked = 100;
+  // Pixels: a new landmark keeps this distance from the tracked ones, >= 0.
+  double min_spacing = 6.0;
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("min_tracked_share", min_tracked_share);
+    v.Field("max_parallax", max_parallax);
+    v.Field("min_tracked", min_tracked);
+    v.Field("min_spacing", min_spacing);
+  }
+};
+
+// Local bundle adjustment (paper, section V-D).
+struct LocalMapOptions {
+  // N_o: the latest keyframes that are optimized, >= 2.
+  int window = 10;
+  // Older keyframes that see the same landmarks and hold the window in place, >= 1.
+  int max_fixed = 10;
+  // A keyframe's adjustment is used from this many frames later on, >= 1 (the same on every run).
+  int lag_frames = 2;
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("window", window);
+    v.Field("max_fixed", max_fixed);
+    v.Field("lag_frames", lag_frames);
+  }
+};
+
+// What to do when tracking is lost.
+struct RecoveryOptions {
+  // How many of the latest keyframes are tried, >= 1.
+  int keyframes = 5;
+  // PnP inliers that a recovered pose needs, >= 6.
+  int min_inliers = 25;
+  // After this many lost frames a new component is started, >= 1.
+  int lost_frames = 3;
+  // Stereo points that the first keyframe of a component needs, > 0.
+  int min_stereo_points = 40;
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("keyframes", keyframes);
+    v.Field("min_inliers", min_inliers);
+    v.Field("lost_frames", lost_frames);
+    v.Field("min_stereo_points", min_stereo_points);
+  }
+};
+
+// Everything that `airslam map --config` can change.
+struct OdometryOptions {
+  // Keypoints detected in an image (paper: 350 for mapping), in [50, 2000].
+  int max_keypoints = 350;
+  TrackingOptions tracking;
+  KeyframeOptions keyframe;
+  LocalMapOptions local_map;
+  RecoveryOptions recovery;
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("max_keypoints", max_keypoints);
+    v.Group("tracking", tracking);
+    v.Group("keyframe", keyframe);
+    v.Group("local_map", local_map);
+    v.Group("recovery", recovery);
+  }
+
+  // Throws Error that names the first field out of its range.
+  void Validate() const;
+};
+
+}  // namespace airslam

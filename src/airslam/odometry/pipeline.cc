@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/pipeline.h"
+
+#include <exception>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "airslam/common/bounded_queue.h"
+#include "airslam/common/error.h"
+#include "airslam/common/log.h"
+
+namespace airslam {
+namespace {
+
+using FrameQueue = BoundedQueue<PreparedFrame>;
+
+// Runs a stage on a thread of its own. When it ends, by return or by throwing, the queues it stands
+// between are closed, so that its neighbours end too.
+class StageThread {
+ public:
+  template <typename Body>
+  StageThread(FrameQueue* input, FrameQueue* output, Body body)
+      : input_(input), output_(output), thread_([this, body = std::move(body)] {
+          try {
+            body();
+          } catch (...) {
+            error_ = std::current_exception();
+          }
+          CloseQueues();
+        }) {}
+
+  ~StageThread() {
+    CloseQueues();
+    if (thread_.joinable()) thread_.join();
+  }
+  StageThread(const StageThread&) = delete;
+  StageThread& operator=(const StageThread&) = delete;
+
+  // Waits for the stage's end and rethrows what it threw.
+  void Join() {
+    thread_.join();
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  void CloseQueues() {
+    if (input_ != nullptr) input_->Close();
+    output_->Close();
+  }
+
+  FrameQueue* input_;
+  FrameQueue* output_;
+  std::exception_ptr error_;
+  std::thread thread_;
+};
+
+PreparedFrame ReadFrame(const Sequence& sequence, int index, const StereoRectifier& rectifier,
+                        StageTimes& times) {
+  PreparedFrame frame;
+  frame.index = index;
+  frame.timestamp_ns = sequence.timestamp_ns(index);
+  try {
+    StereoPair pair;
+    {
+      ScopedStage stage(times, "read");
+      pair = sequence.Read(index);
+    }
+    ScopedStage stage(times, "rectify left");
+    frame.left = rectifier.RectifyLeft(pair.left);
+    frame.right_raw = pair.right;
+  } catch (const Error& error) {
+    frame.problem = error.what();
+  }
+  return frame;
+}
+
+}  // namespace
+
+MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier) {
+  return {rectifier.stereo(), rectifier.body_from_left(), rig.imu.has_value()};
+}
+
+PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
+                           const OdometryOptions& options, const PipelineNetworks& networks,
+                           MapRecorder* recorder, const FrameObserver& observer,
+                           StageTimes& times) {
+  FrameQueue read_frames(2);
+  FrameQueue prepared_frames(2);
+  StageThread reader(nullptr, &read_frames, [&] {
+    for (int i = 0; i < sequence.size(); ++i) {
+      if (!read_frames.Push(ReadFrame(sequence, i, rectifier, times))) return;
+    }
+  });
+  StageThread detector(&read_frames, &prepared_frames, [&] {
+    while (std::optional<PreparedFrame> frame = read_frames.Pop()) {
+      if (!frame->left.empty()) {
+        ScopedStage stage(times, "detect left");
+        frame->features = networks.left_detector.Detect(frame->left, rectifier.left_mask(),
+                                                        options.max_keypoints);
+      }
+      if (!prepared_frames.Push(std::move(*frame))) return;
+    }
+  });
+
+  Odometry odometry(options, rectifier, MakeMapCalibration(sequence.rig(), rectifier),
+                    networks.right_detector, networks.matcher, recorder, times);
+  while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
+    if (!frame->problem.empty()) Warn("frame {} skipped: {}", frame->index, frame->problem);
+    const FrameRecord& record = odometry.Process(*frame);
+    if (observer) observer(frame->index, *frame, record);
+  }
+  reader.Join();
+  detector.Join();
+  odometry.Finish();
+  if (recorder != nullptr) recorder->Finish();
+  return {odometry.records(), odometry.map()};
+}
+
+}  // namespace airslam

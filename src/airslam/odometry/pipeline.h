@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "airslam/common/stage_times.h"
+#include "airslam/dataset/sequence.h"
+#include "airslam/neural/feature_detector.h"
+#include "airslam/neural/feature_matcher.h"
+#include "airslam/odometry/map_recorder.h"
+#include "airslam/odometry/odometry.h"
+#include "airslam/odometry/options.h"
+
+namespace airslam {
+
+// The networks (or their stand-ins) that a run uses. Each is used by one thread.
+struct PipelineNetworks {
+  FeatureDetector& left_detector;
+  FeatureDetector& right_detector;
+  FeatureMatcher& matcher;
+};
+
+struct PipelineResult {
+  std::vector<FrameRecord> records;  // one a frame of the sequence, in order
+  Map map;
+};
+
+// Called after each frame, from the thread that called RunPipeline.
+using FrameObserver = std::function<void(int index, const PreparedFrame&, const FrameRecord&)>;
+
+// The calibration that maps of this rig carry.
+MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier);
+
+// Runs stereo odometry over a sequence. Three stages on three threads, joined by bounded queues:
+// read and rectify | detect | track, with local bundle adjustment and map writing beside them. A
+// frame that cannot be read is skipped with a warning. What a stage throws ends the run and is
+// rethrown here. `recorder` and `observer` may be empty.
+PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
+                           const OdometryOptions& options, const PipelineNetworks& networks,
+                           MapRecorder* recorder, const FrameObserver& observer,
+                           StageTimes& times);
+
+}  // namespace airslam

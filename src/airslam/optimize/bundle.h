@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "airslam/geometry/pinhole.h"
+#include "airslam/geometry/rigid3.h"
+#include "airslam/optimize/point_factor.h"
+
+namespace airslam {
+
+struct BundleOptions {
+  int robust_iterations = 6;  // before outliers are rejected
+  int final_iterations = 6;   // after
+  double huber = 1.5;         // in sigmas
+  double max_error = 3.5;     // in sigmas, of the pixel distance: beyond it an outlier
+};
+
+// Keyframe poses, points and observations by position in these lists; solved in place.
+struct BundleProblem {
+  struct Observation {
+    int pose = -1;
+    int point = -1;
+    PointObservation seen;
+  };
+  StereoCamera stereo;
+  std::vector<Rigid3> world_from_cam;
+  std::vector<bool> pose_fixed;  // one a pose; at least one must be
+  std::vector<Eigen::Vector3d> points_in_world;
+  std::vector<Observation> observations;
+};
+
+struct BundleSummary {
+  std::vector<bool> outlier;  // one an observation
+  int iterations = 0;
+  double initial_rms = 0;  // pixels in sigmas, of all observations
+  double final_rms = 0;    // of the inliers
+};
+
+// Bundle adjustment (paper, section V-D): Levenberg-Marquardt with the Schur complement, outliers
+// rejected half-way. A pure function: fixed iteration counts, one thread, no time limit. `rms` is
+// per pixel coordinate.
+BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem);
+
+}  // namespace airslam
