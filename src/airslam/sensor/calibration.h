@@ -7,17 +7,21 @@
 
 namespace airslam {
 
+// All readers throw Error with one sentence that names the file and the field.
+
 // Reads cam0/sensor.yaml, cam1/sensor.yaml and, where present, imu0/sensor.yaml below `mav0`
-// (EuRoC ASL layout). T_BS is body_from_cam. Errors name the file and the field.
+// (EuRoC ASL layout). T_BS is base_from_cam. With an IMU the body is the IMU (base_from_imu is the
+// identity in EuRoC's own files); without one it is the base frame, and rig.imu stays empty.
 StereoRig ReadEurocRig(const std::filesystem::path& mav0);
 
-// Reads a Kalibr camchain file (cam0 and cam1; T_cam_imu = cam_from_imu where present, else T_cn_cnm1
-// = cam1_from_cam0 with the left camera as body) and, if `imu_yaml` is not empty, its IMU file.
+// Reads a Kalibr camchain file (cam0 and cam1) and, if `imu_yaml` is not empty, its IMU file. The
+// body is the IMU where T_cam_imu (cam_from_imu) is present, else the left camera; the right camera
+// stands by its own T_cam_imu, else by T_cn_cnm1 (cam1_from_cam0).
 StereoRig ReadKalibrRig(const std::filesystem::path& camchain_yaml,
                         const std::filesystem::path& imu_yaml = {});
 
-// Reads KITTI odometry's calib.txt: P0 and P1, both rectified; the body is the left camera. The size
-// of the images is not in the file and must be given in pixels.
+// Reads KITTI odometry's calib.txt: P0 and P1, both rectified; the body is the left camera. The
+// size of the images is not in the file and must be given in pixels.
 StereoRig ReadKittiRig(const std::filesystem::path& calib_txt, int width, int height);
 
 }  // namespace airslam

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-
 #include <array>
 
 #include "airslam/geometry/pinhole.h"
@@ -21,12 +20,18 @@ struct DistortedCamera {
   Distortion model = Distortion::kNone;
   std::array<double, 4> coefficients = {0, 0, 0, 0};
 
-  // point_in_cam -> raw pixel. The point must lie in front of the camera.
+  // point_in_cam -> raw pixel. The point must lie in front of the camera. Outside the invertible
+  // part of the distortion (see MaxRadius) the polynomial folds back and the pixel is meaningless.
   Eigen::Vector2d Project(const Eigen::Vector3d& point_in_cam) const;
 
   // raw pixel -> point on the plane z = 1 (Newton iterations, to 1e-10). Returns false when the
   // pixel lies outside the invertible part of the distortion.
   bool Unproject(const Eigen::Vector2d& pixel, Eigen::Vector3d* point_on_plane) const;
+
+  // The largest distance from the optical axis on the plane z = 1 up to which the distortion is
+  // invertible: there the distorted radius stops growing. Infinity when it always grows; an
+  // equidistant lens ends at 89 degrees at the latest.
+  double MaxRadius() const;
 };
 
 }  // namespace airslam

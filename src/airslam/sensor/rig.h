@@ -17,8 +17,8 @@ struct RigCamera {
   Rigid3 body_from_cam;  // raw camera frame to body
 };
 
-// The calibration of a stereo rig. The body is the IMU frame if the calibration has one, else the
-// left raw camera.
+// The calibration of a stereo rig. The body is the IMU frame if the calibration has one; else it is
+// the left raw camera, or for an EuRoC folder without imu0 whatever frame its T_BS refer to.
 struct StereoRig {
   RigCamera left;
   RigCamera right;
@@ -26,6 +26,8 @@ struct StereoRig {
   // KITTI's images are rectified already and share one camera matrix.
   bool already_rectified = false;
   double rate_hz = 0;  // of the images; 0 when the calibration does not say
+  // time of the IMU = time of the image + this, in seconds (Kalibr's timeshift_cam_imu of cam0).
+  double imu_time_offset = 0;
 
   // Distance between the two optical centres in metres.
   double Baseline() const;
