@@ -106,7 +106,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   Odometry odometry(options, rectifier, MakeMapCalibration(sequence.rig(), rectifier),
                     networks.right_detector, networks.matcher, recorder, times);
   while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
-    if (!frame->problem.empty()) Warn("frame {} skipped: {}", frame->index, frame->problem);
+    if (!frame->problem.empty()) LogWarn("frame {} skipped: {}", frame->index, frame->problem);
     const FrameRecord& record = odometry.Process(*frame);
     if (observer) observer(frame->index, *frame, record);
   }

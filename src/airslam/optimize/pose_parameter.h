@@ -2,6 +2,7 @@
 #pragma once
 
 #include <ceres/manifold.h>
+#include <ceres/product_manifold.h>
 
 #include <array>
 

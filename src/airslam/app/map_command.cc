@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "airslam/app/commands.h"
+#include "airslam/common/atomic_directory.h"
+#include "airslam/common/log.h"
+#include "airslam/common/options.h"
+#include "airslam/common/progress.h"
+#include "airslam/neural/model_pack.h"
+#include "airslam/neural/nearest_matcher.h"
+#include "airslam/neural/plnet.h"
+#include "airslam/neural/transformer_matcher.h"
+#include "airslam/odometry/pipeline.h"
+#include "airslam/odometry/report.h"
+
+namespace airslam {
+namespace {
+
+struct MapArguments {
+  std::string dataset;
+  std::string out;
+  std::string config;
+  std::string model = kDefaultModelPack;
+  bool no_imu = false;
+};
+
+std::unique_ptr<FeatureMatcher> MakeMatcher(const ModelPack& pack) {
+  if (pack.matcher) return std::make_unique<TransformerMatcher>(*pack.matcher);
+  LogInfo("model pack {} has no matcher: mutual nearest neighbours instead", pack.name);
+  return std::make_unique<NearestMatcher>();
+}
+
+// Reports progress and says when tracking is lost and found again.
+class Narrator {
+ public:
+  explicit Narrator(int frames) : progress_("map", frames), frames_(frames) {}
+
+  void Frame(int index, const FrameRecord& record) {
+    const bool lost = record.state == FrameState::kLost;
+    if (lost && !was_lost_) LogWarn("frame {}: tracking lost", index);
+    if (!lost && was_lost_) {
+      LogWarn("frame {}: {}", index,
+              record.state == FrameState::kInitialized ? "a new component starts"
+                                                       : "tracking recovered");
+    }
+    was_lost_ = lost;
+    state_ = lost ? "lost" : fmt::format("{} points", record.tracked_points);
+    progress_.Update(index + 1, state_);
+  }
+
+  void Finish() { progress_.Finish(frames_, state_); }
+
+ private:
+  Progress progress_;
+  int frames_;
+  std::string state_;
+  bool was_lost_ = false;
+};
+
+void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::string& out) {
+  const int component = LargestComponent(result);
+  const std::size_t posed = FinalTrajectory(result, component).size();
+  std::printf("%zu of %zu frames in the trajectory, %zu keyframes, %zu landmarks\n", posed,
+              result.records.size(), result.map.keyframes.size(), result.map.landmarks.size());
+  std::printf("%.1f s, %.1f frames/s; results in %s\n", info.wall_seconds,
+              static_cast<double>(result.records.size()) / info.wall_seconds, out.c_str());
+}
+
+void RunMap(const MapArguments& arguments) {
+  const auto start = std::chrono::steady_clock::now();
+  OdometryOptions options;
+  if (!arguments.config.empty()) LoadOptions(arguments.config, options);
+  options.Validate();
+  const std::unique_ptr<Sequence> sequence = OpenSequence(arguments.dataset);
+  for (const std::string& warning : sequence->warnings()) LogWarn("{}", warning);
+  const StereoRectifier rectifier(sequence->rig());
+  const ModelPack pack = LoadModelPack(arguments.model);
+
+  PlNet left_detector(pack.features);
+  PlNet right_detector(pack.features);
+  const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
+  AtomicDirectory out(arguments.out);
+  StageTimes times;
+  MapRecorder recorder(out.partial() / "map.db", MakeMapCalibration(sequence->rig(), rectifier),
+                       pack.name, pack.features.network.sha256, times);
+  Narrator narrator(sequence->size());
+  const PipelineResult result = RunPipeline(
+      *sequence, rectifier, options, {left_detector, right_detector, *matcher}, &recorder,
+      [&](int index, const PreparedFrame&, const FrameRecord& record) {
+        narrator.Frame(index, record);
+      },
+      times);
+  narrator.Finish();
+
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const RunInfo info{arguments.dataset, pack.name, DumpOptions(options), seconds};
+  WriteRunOutputs(out.partial(), result, times, info);
+  out.Commit();
+  PrintSummary(result, info, arguments.out);
+}
+
+}  // namespace
+
+void AddMapCommand(CLI::App& app) {
+  auto arguments = std::make_shared<MapArguments>();
+  CLI::App* command =
+      app.add_subcommand("map", "Stereo odometry: a sequence to a trajectory and a map");
+  command->add_option("dataset", arguments->dataset, "EuRoC (holds mav0) or KITTI odometry folder")
+      ->required();
+  command->add_option("--out", arguments->out, "Folder of results; an earlier one is replaced")
+      ->required();
+  command->add_option("--config", arguments->config, "YAML file of options");
+  command->add_option("--model", arguments->model, "Model pack: a name or a folder");
+  command->add_flag("--no-imu", arguments->no_imu,
+                    "Leave the IMU out (it is not used yet in this version)");
+  command->callback([arguments] { RunMap(*arguments); });
+}
+
+}  // namespace airslam

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/feature/stereo_matching.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+namespace airslam {
+namespace {
+
+constexpr double kDisparity = 12.4;
+
+// A random texture and the same seen `kDisparity` pixels further left.
+class StereoMatching : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    cv::Mat noise(120, 240, CV_8UC1);
+    cv::RNG random(3);
+    random.fill(noise, cv::RNG::UNIFORM, 0, 255);
+    cv::GaussianBlur(noise, left_, {}, 1.6);
+    cv::normalize(left_, left_, 0, 255, cv::NORM_MINMAX);
+    const cv::Matx23d shift(1, 0, -kDisparity, 0, 1, 0);
+    cv::warpAffine(left_, right_, shift, left_.size(), cv::INTER_CUBIC);
+    left_keypoints_ = {{100, 40, 1}, {150, 60, 1}, {60, 80, 1}};
+    // The second keypoint's partner lies on another row; the third has been detected 1.5 px off.
+    right_.copyTo(right_image_);
+    right_features_.keypoints = {{87.6f, 40, 1}, {137.6f, 75, 1}, {49.1f, 80.5f, 1}};
+    right_features_.descriptors = DescriptorMatrix::Identity(3, 4);
+    left_descriptors_ = DescriptorMatrix::Identity(3, 4);
+    stereo_ = {{100, 100, 120, 60, 240, 120}, 0.5};
+  }
+
+  std::vector<float> Match(std::span<const float> expected) const {
+    return MatchStereo({left_, right_image_, left_keypoints_, left_descriptors_, right_features_},
+                       stereo_, expected, {});
+  }
+
+  cv::Mat left_, right_, right_image_;
+  std::vector<Keypoint> left_keypoints_;
+  DescriptorMatrix left_descriptors_;
+  Detections right_features_;
+  StereoCamera stereo_;
+};
+
+TEST_F(StereoMatching, FindsSubPixelDisparityByDescriptor) {
+  const std::vector<float> right_x = Match({});
+  EXPECT_NEAR(100 - right_x[0], kDisparity, 0.05);
+  EXPECT_EQ(right_x[1], -1);
+  EXPECT_NEAR(60 - right_x[2], kDisparity, 0.05);
+}
+
+TEST_F(StereoMatching, SeeksWhereALandmarkIsExpected) {
+  const std::vector<float> expected = {-1, 11, -1};
+  EXPECT_NEAR(150 - Match(expected)[1], kDisparity, 0.05);
+}
+
+TEST_F(StereoMatching, RefusesWhatLooksDifferent) {
+  right_image_ = cv::Mat(left_.size(), CV_8UC1);
+  cv::RNG(77).fill(right_image_, cv::RNG::UNIFORM, 0, 255);
+  for (float x : Match({})) EXPECT_EQ(x, -1);
+}
+
+}  // namespace
+}  // namespace airslam

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/optimize/bundle.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "airslam/geometry/so3.h"
+#include "airslam/optimize/pose_optimization.h"
+
+namespace airslam {
+namespace {
+
+constexpr double kNoise = 0.3;  // pixels
+
+// Keyframes along a gentle curve that look at a cloud of points.
+struct Scene {
+  StereoCamera stereo{{450, 455, 320, 240, 640, 480}, 0.12};
+  std::vector<Rigid3> poses;
+  std::vector<Eigen::Vector3d> points;
+  std::vector<BundleProblem::Observation> observations;
+  std::vector<bool> corrupted;
+};
+
+Scene MakeScene(int poses, int points, double outlier_share) {
+  Scene scene;
+  std::mt19937 random(11);
+  std::normal_distribution<double> noise(0, kNoise);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int i = 0; i < poses; ++i) {
+    scene.poses.emplace_back(ExpSO3({0.01 * i, 0.03 * i, -0.005 * i}),
+                             Eigen::Vector3d(0.2 * i, 0.02 * i * i, 0.05 * i));
+  }
+  for (int j = 0; j < points; ++j) {
+    scene.points.emplace_back(6 * unit(random) - 3, 4 * unit(random) - 2, 3 + 5 * unit(random));
+    for (int i = 0; i < poses; ++i) {
+      const Eigen::Vector3d p = scene.poses[i].Inverse() * scene.points[j];
+      const Eigen::Vector2d pixel = scene.stereo.camera.Project(p);
+      if (!scene.stereo.camera.Contains(pixel)) continue;
+      const bool corrupt = unit(random) < outlier_share;
+      PointObservation seen{pixel, pixel.x() - scene.stereo.Disparity(p.z()), kNoise};
+      seen.pixel += Eigen::Vector2d(noise(random), noise(random));
+      seen.right_x += noise(random);
+      if (corrupt) seen.pixel.y() += 15;
+      scene.observations.push_back({i, j, seen});
+      scene.corrupted.push_back(corrupt);
+    }
+  }
+  return scene;
+}
+
+Rigid3 Disturb(const Rigid3& pose, double angle, double distance) {
+  return pose * Rigid3(ExpSO3({angle, -angle, 0.5 * angle}),
+                       Eigen::Vector3d(distance, -distance, 0.5 * distance));
+}
+
+TEST(OptimizePose, FindsThePoseAmongOutliers) {
+  const Scene scene = MakeScene(1, 200, 0.25);
+  std::vector<PointConstraint> constraints;
+  for (const auto& o : scene.observations) {
+    constraints.push_back({scene.points[o.point], o.seen});
+  }
+  const PoseOptimizationResult result =
+      OptimizePose(scene.stereo, constraints, Disturb(scene.poses[0], 0.02, 0.1), {});
+  const Rigid3 error = scene.poses[0].Inverse() * result.world_from_cam;
+  EXPECT_LT(error.translation.norm(), 0.003);
+  EXPECT_LT(error.Angle(), 0.0007);
+  EXPECT_NEAR(result.rms, std::sqrt(2.0), 0.2);  // of a two-dimensional error, in sigmas
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    EXPECT_FALSE(scene.corrupted[i] && result.inlier[i]) << i;
+  }
+}
+
+TEST(OptimizePose, TooFewConstraintsGiveNoInliers) {
+  const PoseOptimizationResult result = OptimizePose({}, std::vector<PointConstraint>(3), {}, {});
+  EXPECT_EQ(result.inliers, 0);
+}
+
+TEST(SolveBundle, RecoversPosesAndPointsAndRejectsOutliers) {
+  const Scene scene = MakeScene(8, 300, 0.05);
+  BundleProblem problem;
+  problem.stereo = scene.stereo;
+  problem.observations = scene.observations;
+  for (int i = 0; i < 8; ++i) {
+    problem.world_from_cam.push_back(i == 0 ? scene.poses[0]
+                                            : Disturb(scene.poses[i], 0.004, 0.03));
+    problem.pose_fixed.push_back(i == 0);
+  }
+  for (const Eigen::Vector3d& p : scene.points) {
+    problem.points_in_world.push_back(1.03 * p + Eigen::Vector3d(0.01, -0.02, 0));
+  }
+  const BundleSummary summary = SolveBundle({}, &problem);
+  EXPECT_LT(summary.final_rms, 1.1);
+  EXPECT_GT(summary.initial_rms, 3 * summary.final_rms);
+  for (int i = 0; i < 8; ++i) {
+    const Rigid3 error = scene.poses[i].Inverse() * problem.world_from_cam[i];
+    EXPECT_LT(error.translation.norm(), 0.01) << i;
+    EXPECT_LT(error.Angle(), 0.002) << i;
+  }
+  // Where only two keyframes see a point nobody can tell which of them is wrong.
+  int missed = 0, corrupted = 0;
+  for (std::size_t k = 0; k < scene.corrupted.size(); ++k) {
+    corrupted += scene.corrupted[k];
+    missed += scene.corrupted[k] && !summary.outlier[k];
+  }
+  EXPECT_LE(missed, corrupted / 20);
+}
+
+TEST(SolveBundle, RepeatsBitByBitAndKeepsFixedPoses) {
+  const Scene scene = MakeScene(5, 100, 0.05);
+  BundleProblem first{scene.stereo, scene.poses, {true, false, false, false, false}, scene.points,
+                      scene.observations};
+  BundleProblem second = first;
+  SolveBundle({}, &first);
+  SolveBundle({}, &second);
+  EXPECT_EQ(first.world_from_cam[0].translation, scene.poses[0].translation);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(first.world_from_cam[i].ToMatrix(), second.world_from_cam[i].ToMatrix());
+  }
+  EXPECT_EQ(first.points_in_world, second.points_in_world);
+}
+
+}  // namespace
+}  // namespace airslam
