@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "airslam/neural/feature_detector.h"
+#include "airslam/neural/feature_matcher.h"
+
+namespace airslam {
+
+// A stand-in for PLNet in tests, without a network: Shi-Tomasi corners at sub-pixel positions with
+// the normalised 8 x 8 patch around each as descriptor (mean removed, unit length, so that gain
+// and offset of the light do not matter). Good for the small turns of a sequence, deterministic.
+class SyntheticDetector : public FeatureDetector {
+ public:
+  struct Options {
+    double quality = 0.005;   // a corner's strength relative to the image's strongest
+    double min_distance = 7;  // pixels between corners
+  };
+
+  SyntheticDetector() = default;
+  explicit SyntheticDetector(const Options& options) : options_(options) {}
+
+  Detections Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) override;
+  int descriptor_size() const override { return 64; }
+
+ private:
+  Options options_;
+};
+
+// A stand-in for the matcher network: mutual nearest neighbours by cosine. `score` is the cosine.
+class SyntheticMatcher : public FeatureMatcher {
+ public:
+  struct Options {
+    float min_cosine = 0.85f;
+    // The second best cosine of either side must be lower than the best by this much: repeated
+    // texture stays unmatched.
+    float min_margin = 0.05f;
+    // Correspondences farther apart than this fraction of the image's diagonal do not count.
+    double max_motion = 0.35;
+  };
+
+  SyntheticMatcher() = default;
+  explicit SyntheticMatcher(const Options& options) : options_(options) {}
+
+  std::vector<airslam::Match> Match(const MatcherInput& image0,
+                                    const MatcherInput& image1) override;
+
+ private:
+  Options options_;
+};
+
+}  // namespace airslam
