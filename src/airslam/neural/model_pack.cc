@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/neural/model_pack.h"
 
-#include <openssl/evp.h>
-
-#include <array>
 #include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "airslam/common/error.h"
+#include "airslam/common/sha256.h"
 
 namespace airslam {
 namespace {
@@ -96,7 +93,7 @@ PackFile CheckedFile(const Section& section, const fs::path& folder) {
     Fail("{}: no such file, but {} names it: the model pack is incomplete", file.path,
          section.file());
   }
-  const std::string found = Sha256OfFile(file.path);
+  const std::string found = FileSha256(file.path);
   if (found != file.sha256) {
     Fail("{}: its SHA-256 is {}, but {} states {}: the file is damaged or of another version",
          file.path, found, section.file(), file.sha256);
@@ -157,27 +154,6 @@ json ParseManifest(const fs::path& file) {
 
 }  // namespace
 
-std::string Sha256OfFile(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) Fail("{}: cannot be read", file.string());
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
-                                                                        &EVP_MD_CTX_free);
-  bool ok = context != nullptr && EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) == 1;
-  std::array<char, 1 << 16> block;
-  while (ok && stream) {
-    stream.read(block.data(), block.size());
-    ok = EVP_DigestUpdate(context.get(), block.data(), static_cast<std::size_t>(stream.gcount())) ==
-         1;
-  }
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
-  unsigned int size = 0;
-  ok = ok && EVP_DigestFinal_ex(context.get(), digest.data(), &size) == 1;
-  if (!ok || stream.bad()) Fail("{}: its SHA-256 could not be computed", file.string());
-  std::string text;
-  for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
-  return text;
-}
-
 std::string FindModelPack(const std::string& name_or_path) {
   std::error_code error;
   if (fs::is_directory(name_or_path, error)) return name_or_path;
@@ -212,7 +188,7 @@ ModelPack ReadModelPack(const std::string& folder) {
   pack.name = root.Text("name");
   pack.license = root.Text("license");
   pack.folder = folder;
-  pack.sha256 = Sha256OfFile(file);
+  pack.sha256 = FileSha256(file);
   pack.features = ReadFeatures(root.Sub("features"), folder);
   if (manifest.contains("matcher")) pack.matcher = ReadMatcher(root.Sub("matcher"), folder);
   return pack;

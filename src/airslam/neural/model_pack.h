@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace airslam {
@@ -71,8 +69,5 @@ ModelPack ReadModelPack(const std::string& folder);
 
 // ReadModelPack(FindModelPack(name_or_path)).
 ModelPack LoadModelPack(const std::string& name_or_path = kDefaultModelPack);
-
-// SHA-256 of a file's content as 64 hexadecimal digits. Throws Error when it cannot be read.
-std::string Sha256OfFile(const std::filesystem::path& file);
 
 }  // namespace airslam

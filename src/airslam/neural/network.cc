@@ -20,17 +20,19 @@ std::string Names(const std::vector<TensorPort>& ports) {
   return names.empty() ? "none" : names;
 }
 
-void Require(const std::vector<TensorPort>& ports, const char* kind, std::string_view name,
-             const TensorShape& expected, const std::string& network) {
-  const auto port =
-      std::find_if(ports.begin(), ports.end(), [&](const TensorPort& p) { return p.name == name; });
-  if (port == ports.end()) {
-    Fail("{}: the network has no {} '{}'; it has {}", network, kind, name, Names(ports));
+const TensorPort& Find(const std::vector<TensorPort>& ports, const char* kind,
+                       std::string_view name, const std::string& network) {
+  for (const TensorPort& port : ports) {
+    if (port.name == name) return port;
   }
-  if (!Agree(port->shape, expected)) {
-    Fail("{}: {} '{}' has the shape {}, expected {}", network, kind, name, ToString(port->shape),
-         ToString(expected));
-  }
+  Fail("{}: the network has no {} '{}'; it has {}", network, kind, name, Names(ports));
+}
+
+void Require(const TensorPort& port, const char* kind, const TensorShape& expected,
+             const std::string& network) {
+  if (Agree(port.shape, expected)) return;
+  Fail("{}: {} '{}' has the shape {}, expected {}", network, kind, port.name, ToString(port.shape),
+       ToString(expected));
 }
 
 }  // namespace
@@ -55,11 +57,13 @@ void Network::Run(std::span<const NamedTensor> given) {
   const std::vector<TensorPort>& ports = inputs();
   std::vector<const TensorView*> ordered(ports.size(), nullptr);
   for (const NamedTensor& input : given) {
-    Require(ports, "input", input.name, input.tensor.shape, description());
-    const auto port = std::find_if(ports.begin(), ports.end(),
-                                   [&](const TensorPort& p) { return p.name == input.name; });
-    const TensorView*& slot = ordered[static_cast<std::size_t>(port - ports.begin())];
-    if (slot != nullptr) Fail("{}: the input '{}' was given twice", description(), input.name);
+    const TensorPort& port = Find(ports, "input", input.name, description());
+    if (!Agree(port.shape, input.tensor.shape)) {
+      Fail("{}: the input '{}' was given with the shape {}, expected {}", description(), port.name,
+           ToString(input.tensor.shape), ToString(port.shape));
+    }
+    const TensorView*& slot = ordered[static_cast<std::size_t>(&port - ports.data())];
+    if (slot != nullptr) Fail("{}: the input '{}' was given twice", description(), port.name);
     if (std::any_of(input.tensor.shape.begin(), input.tensor.shape.end(),
                     [](std::int64_t extent) { return extent < 0; })) {
       Fail("{}: the input '{}' was given with the unknown shape {}", description(), input.name,
@@ -77,11 +81,15 @@ void Network::Run(std::span<const NamedTensor> given) {
 }
 
 void Network::RequireOutput(std::string_view name, const TensorShape& expected) const {
-  Require(outputs(), "output", name, expected, description());
+  Require(OutputPort(name), "output", expected, description());
 }
 
 void Network::RequireInput(std::string_view name, const TensorShape& expected) const {
-  Require(inputs(), "input", name, expected, description());
+  Require(Find(inputs(), "input", name, description()), "input", expected, description());
+}
+
+const TensorPort& Network::OutputPort(std::string_view name) const {
+  return Find(outputs(), "output", name, description());
 }
 
 }  // namespace airslam

@@ -66,6 +66,9 @@ class Network {
   // Likewise for an input.
   void RequireInput(std::string_view name, const TensorShape& expected) const;
 
+  // The output `name`, an element of outputs(). Throws Error when there is no such output.
+  const TensorPort& OutputPort(std::string_view name) const;
+
   // What the network is called in messages: its file.
   virtual std::string description() const = 0;
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/neural/openvino_network.h"
 
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -51,14 +50,10 @@ class OpenVinoNetwork final : public Network {
   std::string description() const override { return file_; }
 
   TensorView Output(std::string_view name) const override {
-    RequireOutput(name, DeclaredShape(name));
-    for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      if (outputs_[i].name != name) continue;
-      const ov::Tensor tensor = request_.get_output_tensor(i);
-      const ov::Shape& shape = tensor.get_shape();
-      return {tensor.data<float>(), TensorShape(shape.begin(), shape.end())};
-    }
-    return {};
+    const auto index = static_cast<std::size_t>(&OutputPort(name) - outputs_.data());
+    const ov::Tensor tensor = request_.get_output_tensor(index);
+    const ov::Shape& shape = tensor.get_shape();
+    return {tensor.data<float>(), TensorShape(shape.begin(), shape.end())};
   }
 
  private:
@@ -74,14 +69,6 @@ class OpenVinoNetwork final : public Network {
     } catch (const ov::Exception& error) {
       Fail("{}: OpenVINO could not run the network: {}", file_, error.what());
     }
-  }
-
-  // Any shape at all when there is no such output: RequireOutput then says so.
-  TensorShape DeclaredShape(std::string_view name) const {
-    for (const TensorPort& port : outputs_) {
-      if (port.name == name) return port.shape;
-    }
-    return {};
   }
 
   std::string file_;
@@ -180,8 +167,7 @@ std::unique_ptr<Network> LoadOpenVinoNetwork(const std::string& file,
     cached.insert(ov::cache_dir(cache));
     try {
       return std::make_unique<OpenVinoNetwork>(file, Core().compile_model(model, "CPU", cached));
-    } catch (const ov::Exception& error) {
-      spdlog::debug("{}: compiling without the cache in {}: {}", file, cache, error.what());
+    } catch (const ov::Exception&) {  // a cache that fails, say on a full disk, is done without
     }
   }
   try {

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/neural/plnet.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "airslam/common/error.h"
+
+namespace airslam {
+namespace {
+
+constexpr char kPack[] = AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata/pack";
+
+NetworkLoader ExactLoader() {
+  OpenVinoOptions options;
+  options.precision = Precision::kF32;
+  options.cache_folder.clear();
+  return OpenVinoLoader(options);
+}
+
+FeatureNetworkSpec Spec() { return ReadModelPack(kPack).features; }
+
+// Bright dots on grey, at these places; the test network's score peaks on them.
+cv::Mat Dots(cv::Size size, const std::vector<cv::Point>& dots) {
+  cv::Mat image(size, CV_8UC1, cv::Scalar(100));
+  int level = 255;
+  for (const cv::Point& dot : dots) {
+    image.at<std::uint8_t>(dot) = static_cast<std::uint8_t>(level);
+    level -= 10;
+  }
+  return image;
+}
+
+TEST(PlNet, FindsDotsBestFirst) {
+  PlNet plnet(Spec(), ExactLoader());
+  const std::vector<cv::Point> dots = {{40, 12}, {10, 20}, {25, 30}};
+  // 61x45 is padded to 64x48.
+  const Detections found = plnet.Detect(Dots({61, 45}, dots), cv::Mat(), 10);
+  ASSERT_EQ(found.keypoints.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(found.keypoints[i].x, static_cast<float>(dots[i].x), 1e-3);
+    EXPECT_NEAR(found.keypoints[i].y, static_cast<float>(dots[i].y), 1e-3);
+    const double contrast = (155.0 - 10.0 * static_cast<double>(i)) / 255.0;
+    EXPECT_NEAR(found.keypoints[i].score, 10 * contrast - 6, 1e-3);
+  }
+  EXPECT_EQ(found.descriptors.rows(), 3);
+  EXPECT_EQ(found.descriptors.cols(), plnet.descriptor_size());
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(found.descriptors.row(i).norm(), 1, 1e-5);
+  EXPECT_EQ(plnet.Detect(Dots({61, 45}, dots), cv::Mat(), 2).keypoints.size(), 2U);
+}
+
+TEST(PlNet, RespectsTheMask) {
+  PlNet plnet(Spec(), ExactLoader());
+  const cv::Mat image = Dots({64, 48}, {{40, 12}, {10, 20}, {25, 30}});
+  cv::Mat mask(48, 64, CV_8UC1, cv::Scalar(255));
+  mask.at<std::uint8_t>(12, 40) = 0;
+  const Detections found = plnet.Detect(image, mask, 10);
+  ASSERT_EQ(found.keypoints.size(), 2U);
+  EXPECT_NEAR(found.keypoints[0].x, 10, 1e-3);
+}
+
+TEST(PlNet, TheEdgeOfThePaddingIsNoFeature) {
+  PlNet plnet(Spec(), ExactLoader());
+  // A bright last column: with zeros as padding it would be a row of dots.
+  cv::Mat image(45, 61, CV_8UC1, cv::Scalar(100));
+  EXPECT_TRUE(plnet.Detect(image, cv::Mat(), 10).keypoints.empty());
+  image.col(60) = 255;
+  image.row(44) = 255;
+  EXPECT_TRUE(plnet.Detect(image, cv::Mat(), 10).keypoints.empty());
+}
+
+TEST(PlNet, HandlesSeveralImageSizes) {
+  PlNet plnet(Spec(), ExactLoader());
+  for (int round = 0; round < 2; ++round) {
+    for (const int width : {32, 48, 64, 80, 96, 112}) {
+      const Detections found = plnet.Detect(Dots({width, 40}, {{20, 12}}), cv::Mat(), 10);
+      ASSERT_EQ(found.keypoints.size(), 1U) << width;
+      EXPECT_NEAR(found.keypoints[0].x, 20, 1e-3);
+    }
+  }
+}
+
+TEST(PlNet, TheResultDependsOnTheArgumentsOnly) {
+  PlNet plnet(Spec());  // the precision that is used in earnest
+  cv::Mat noise(96, 128, CV_8UC1);
+  cv::RNG(5).fill(noise, cv::RNG::UNIFORM, 0, 256);
+  const Detections first = plnet.Detect(noise, cv::Mat(), 50);
+  plnet.Detect(Dots({128, 96}, {{20, 12}}), cv::Mat(), 10);
+  const Detections second = plnet.Detect(noise, cv::Mat(), 50);
+  ASSERT_EQ(first.keypoints.size(), 50U);
+  ASSERT_EQ(second.keypoints.size(), 50U);
+  for (std::size_t i = 0; i < 50; ++i) {
+    EXPECT_EQ(first.keypoints[i].x, second.keypoints[i].x);
+    EXPECT_EQ(first.keypoints[i].y, second.keypoints[i].y);
+    EXPECT_EQ(first.keypoints[i].score, second.keypoints[i].score);
+  }
+  EXPECT_EQ(first.descriptors, second.descriptors);
+}
+
+TEST(PlNet, RefusesWhatItCannotTake) {
+  PlNet plnet(Spec(), ExactLoader());
+  EXPECT_THROW(plnet.Detect(cv::Mat(), cv::Mat(), 10), Error);
+  EXPECT_THROW(plnet.Detect(cv::Mat(48, 64, CV_8UC3), cv::Mat(), 10), Error);
+  const cv::Mat image(48, 64, CV_8UC1, cv::Scalar(0));
+  EXPECT_THROW(plnet.Detect(image, cv::Mat(48, 32, CV_8UC1), 10), Error);
+  FeatureNetworkSpec spec = Spec();
+  spec.descriptor_size = 64;
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10), Error);
+  spec = Spec();
+  spec.scores = "heat";
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10), Error);
+}
+
+TEST(NormalizeImage, UnitAndPadding) {
+  cv::Mat image = (cv::Mat_<std::uint8_t>(2, 3) << 0, 51, 255, 102, 0, 204);
+  std::vector<float> out(5 * 4, -1);
+  NormalizeImage(image, Normalization::kUnit, 5, 4, out.data());
+  const std::vector<float> last = {0.4F, 0, 0.8F, 0.8F, 0.8F};
+  std::vector<float> expected = {0, 0.2F, 1, 1, 1};
+  for (int i = 0; i < 3; ++i) expected.insert(expected.end(), last.begin(), last.end());
+  EXPECT_THAT(out, testing::Pointwise(testing::FloatNear(1e-6F), expected));
+}
+
+TEST(NormalizeImage, StandardizeIgnoresLightAndPadding) {
+  cv::Mat image(40, 50, CV_8UC1);
+  cv::RNG(1).fill(image, cv::RNG::UNIFORM, 50, 90);
+  cv::Mat brighter = image * 2 + 20;
+  std::vector<float> a(64 * 48), b(64 * 48);
+  NormalizeImage(image, Normalization::kStandardize, 64, 48, a.data());
+  NormalizeImage(brighter, Normalization::kStandardize, 64, 48, b.data());
+  EXPECT_THAT(a, testing::Pointwise(testing::FloatNear(1e-4F), b));
+  double sum = 0, squares = 0;  // over the image, without the padding
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 50; ++x) {
+      const double v = a[static_cast<std::size_t>(y * 64 + x)];
+      sum += v;
+      squares += v * v;
+    }
+  }
+  EXPECT_NEAR(sum / 2000, 0, 1e-5);
+  EXPECT_NEAR(squares / 2000, 1, 1e-4);
+}
+
+TEST(NormalizeImage, StandardizeDoesNotStretchNoise) {
+  cv::Mat dark(2, 2, CV_8UC1, cv::Scalar(10));
+  dark.at<std::uint8_t>(0, 0) = 12;  // mean 10.5, standard deviation 0.87 < 2
+  std::vector<float> out(4);
+  NormalizeImage(dark, Normalization::kStandardize, 2, 2, out.data());
+  EXPECT_NEAR(out[0], 1.5 / 2, 1e-6);
+  EXPECT_NEAR(out[3], -0.5 / 2, 1e-6);
+}
+
+// A map 1x2x3x4: channel 0 is the cell's column, channel 1 its row, both plus one.
+std::vector<float> PositionMap() {
+  std::vector<float> map;
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 4; ++x) map.push_back(static_cast<float>(x + 1));
+  }
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 4; ++x) map.push_back(static_cast<float>(y + 1));
+  }
+  return map;
+}
+
+TEST(SampleDescriptors, FollowsTheCellConvention) {
+  const std::vector<float> map = PositionMap();
+  const Keypoint k{5.3F, 6.9F, 0};
+  for (const bool half_pixel : {true, false}) {
+    const DescriptorMatrix d =
+        SampleDescriptors({map.data(), {1, 2, 3, 4}}, {&k, 1}, 4, half_pixel);
+    const double x = half_pixel ? (5.3 + 0.5) / 4 - 0.5 : 5.3 / 4;
+    const double y = half_pixel ? (6.9 + 0.5) / 4 - 0.5 : 6.9 / 4;
+    const Eigen::Vector2d expected = Eigen::Vector2d(x + 1, y + 1).normalized();
+    EXPECT_NEAR(d(0, 0), expected.x(), 1e-5);
+    EXPECT_NEAR(d(0, 1), expected.y(), 1e-5);
+  }
+}
+
+TEST(SampleDescriptors, ClampsAtTheBorder) {
+  const std::vector<float> map = PositionMap();
+  const std::vector<Keypoint> k = {{-9, -9, 0}, {99, 99, 0}, {15, 0, 0}};
+  const DescriptorMatrix d = SampleDescriptors({map.data(), {1, 2, 3, 4}}, k, 4, true);
+  EXPECT_NEAR(d(0, 0), std::sqrt(0.5), 1e-6);
+  EXPECT_NEAR(d(1, 0), 0.8, 1e-6);  // (4, 3) / 5
+  EXPECT_NEAR(d(1, 1), 0.6, 1e-6);
+  EXPECT_NEAR(d(2, 0), 4 / std::sqrt(17.0), 1e-6);
+}
+
+TEST(SampleDescriptors, AZeroStaysZero) {
+  const std::vector<float> map(2 * 3 * 4, 0.0F);
+  const Keypoint k{5, 5, 0};
+  EXPECT_EQ(SampleDescriptors({map.data(), {1, 2, 3, 4}}, {&k, 1}, 4, true).norm(), 0);
+}
+
+}  // namespace
+}  // namespace airslam

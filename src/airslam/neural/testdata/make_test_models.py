@@ -1,0 +1,136 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writes the tiny networks that the tests of the neural layer run: hand-made weights, nothing learned.
+
+    python make_test_models.py            (needs onnx and numpy; writes beside itself)
+
+pack/       a model pack: a blob detector that stands for PLNet, and a matcher of two stages
+integers.onnx  a network whose input is not float
+"""
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+HERE = Path(__file__).resolve().parent
+N, D = 8, 4  # points a side and descriptor size of the matcher
+
+
+def tensor(name, shape, kind=TensorProto.FLOAT):
+    return helper.make_tensor_value_info(name, kind, shape)
+
+
+def constant(name, value):
+    return numpy_helper.from_array(np.asarray(value, dtype=np.float32), name)
+
+
+def integers(name, value):
+    return numpy_helper.from_array(np.asarray(value, dtype=np.int64), name)
+
+
+def save(path, nodes, inputs, outputs, constants=()):
+    graph = helper.make_graph(nodes, path.stem, inputs, outputs, list(constants))
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], producer_name="airslam-test")
+    model.ir_version = 8
+    onnx.checker.check_model(model)
+    path.write_bytes(model.SerializeToString())
+
+
+def plnet(path):
+    """Descriptors: mean of the 4x4 cell, 1, right half minus left half, bottom half minus top half.
+    Score: 10 * (pixel - mean of its 8 neighbours) - 6."""
+    cells = np.zeros((D, 1, 4, 4), np.float32)
+    cells[0] = 1 / 16
+    cells[2, 0, :, :2], cells[2, 0, :, 2:] = -1 / 8, 1 / 8
+    cells[3, 0, :2, :], cells[3, 0, 2:, :] = -1 / 8, 1 / 8
+    blob = np.full((1, 1, 3, 3), -10 / 8, np.float32)
+    blob[0, 0, 1, 1] = 10
+    save(path,
+         [helper.make_node("Conv", ["image", "cells", "cells_bias"], ["descriptors"], strides=[4, 4]),
+          helper.make_node("Conv", ["image", "blob", "blob_bias"], ["score_logits"], pads=[1, 1, 1, 1])],
+         [tensor("image", [1, 1, "H", "W"])],
+         [tensor("descriptors", [1, D, "H4", "W4"]), tensor("score_logits", [1, 1, "H", "W"])],
+         [constant("cells", cells), constant("cells_bias", [0, 1, 0, 0]),
+          constant("blob", blob), constant("blob_bias", [-6])])
+
+
+def masked(scores):
+    """Nodes that multiply 1xNxN `scores` by both masks."""
+    return [helper.make_node("Unsqueeze", ["mask0", "last"], ["mask_rows"]),
+            helper.make_node("Unsqueeze", ["mask1", "middle"], ["mask_columns"]),
+            helper.make_node("Mul", ["mask_rows", "mask_columns"], ["mask"]),
+            helper.make_node("Mul", [scores, "mask"], ["scores"])]
+
+
+def points(name, width):
+    return [tensor(f"{name}{i}", [1, N, width] if width else [1, N]) for i in (0, 1)]
+
+
+AXES = [integers("last", [2]), integers("middle", [1])]
+
+
+def stage0(path):
+    """Matches by the first three values of the descriptors, sigmoid(20 a.b - 10); the fourth is the confidence."""
+    nodes = []
+    for i in (0, 1):
+        nodes += [helper.make_node("Identity", [f"descriptors{i}"], [f"state{i}"]),
+                  helper.make_node("Gather", [f"descriptors{i}", "three"], [f"confidence{i}"], axis=2),
+                  helper.make_node("Mul", [f"descriptors{i}", "selection"], [f"d{i}"])]
+    nodes += [helper.make_node("Transpose", ["d1"], ["d1t"], perm=[0, 2, 1]),
+              helper.make_node("MatMul", ["d0", "d1t"], ["products"]),
+              helper.make_node("Mul", ["products", "gain"], ["scaled"]),
+              helper.make_node("Add", ["scaled", "offset"], ["logits"]),
+              helper.make_node("Sigmoid", ["logits"], ["probabilities"])] + masked("probabilities")
+    save(path, nodes, points("keypoints", 2) + points("descriptors", D) + points("mask", 0),
+         points("state", D) + [tensor("scores", [1, N, N])] + points("confidence", 0),
+         AXES + [numpy_helper.from_array(np.asarray(3, np.int64), "three"),
+                 constant("selection", [1, 1, 1, 0]), constant("gain", 20), constant("offset", -10)])
+
+
+def stage1(path):
+    """Matches by position, 1 - |k0 - k1|^2 of the normalised keypoints; the states pass through.
+    An ONNX output cannot be called as an input, so the states' outputs are `next_state0` and `next_state1`."""
+    nodes = [helper.make_node("Identity", [f"state{i}"], [f"next_state{i}"]) for i in (0, 1)]
+    nodes += [helper.make_node("Unsqueeze", ["keypoints0", "last"], ["rows"]),       # 1 x N x 1 x 2
+              helper.make_node("Unsqueeze", ["keypoints1", "middle"], ["columns"]),  # 1 x 1 x N x 2
+              helper.make_node("Sub", ["rows", "columns"], ["difference"]),
+              helper.make_node("Mul", ["difference", "difference"], ["squares"]),
+              helper.make_node("ReduceSum", ["squares", "coordinate"], ["distance"], keepdims=0),
+              helper.make_node("Sub", ["one", "distance"], ["near"])] + masked("near")
+    nodes += [helper.make_node("Identity", [f"mask{i}"], [f"confidence{i}"]) for i in (0, 1)]
+    constants = [integers("last", [2]), integers("middle", [1]), integers("coordinate", [3]), constant("one", 1)]
+    save(path, nodes, points("state", D) + points("keypoints", 2) + points("mask", 0),
+         points("next_state", D) + [tensor("scores", [1, N, N])] + points("confidence", 0), constants)
+
+
+def manifest(folder):
+    def entry(name):
+        data = (folder / name).read_bytes()
+        return {"file": name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
+
+    features = {**entry("plnet.onnx"), "input": "image", "normalization": "unit", "multiple": 16,
+                "descriptors": "descriptors", "scores": "score_logits", "descriptor_size": D, "descriptor_stride": 4,
+                "half_pixel": True, "score_threshold": -5.0, "nms_radius": 2}
+    matcher = {"keypoints": N, "threshold": 0.1, "exit_confidence": 0.9,
+               "stages": [entry("matcher_stage0.onnx"), entry("matcher_stage1.onnx")]}
+    pack = {"format": 1, "name": "test", "license": "BSD-3-Clause", "features": features, "matcher": matcher,
+            "quality": {}, "training": {"note": "hand-made weights, see make_test_models.py"}}
+    (folder / "manifest.json").write_text(json.dumps(pack, indent=1) + "\n")
+
+
+def main():
+    folder = HERE / "pack"
+    folder.mkdir(exist_ok=True)
+    plnet(folder / "plnet.onnx")
+    stage0(folder / "matcher_stage0.onnx")
+    stage1(folder / "matcher_stage1.onnx")
+    manifest(folder)
+    save(HERE / "integers.onnx", [helper.make_node("Identity", ["x"], ["y"])],
+         [tensor("x", [1, 2], TensorProto.INT64)], [tensor("y", [1, 2], TensorProto.INT64)])
+
+
+if __name__ == "__main__":
+    main()
