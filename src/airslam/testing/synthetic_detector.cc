@@ -33,26 +33,6 @@ Eigen::Matrix<float, 1, kPatch * kPatch> Describe(const cv::Mat& smooth, const K
   return descriptor / std::max(descriptor.norm(), 1e-6f);
 }
 
-// The best and second best column of each row.
-struct Nearest {
-  int best = -1;
-  float cosine = -2, second = -2;
-};
-
-Nearest FindNearest(const Eigen::VectorXf& cosines) {
-  Nearest nearest;
-  for (int i = 0; i < cosines.size(); ++i) {
-    if (cosines[i] > nearest.cosine) {
-      nearest.second = nearest.cosine;
-      nearest.cosine = cosines[i];
-      nearest.best = i;
-    } else if (cosines[i] > nearest.second) {
-      nearest.second = cosines[i];
-    }
-  }
-  return nearest;
-}
-
 }  // namespace
 
 Detections SyntheticDetector::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) {
@@ -93,32 +73,6 @@ Detections SyntheticDetector::Detect(const cv::Mat& image, const cv::Mat& mask, 
         Describe(smooth, detections.keypoints[i]);
   }
   return detections;
-}
-
-std::vector<airslam::Match> SyntheticMatcher::Match(const MatcherInput& image0,
-                                                    const MatcherInput& image1) {
-  std::vector<airslam::Match> matches;
-  if (image0.keypoints.empty() || image1.keypoints.empty()) return matches;
-  const double reach =
-      options_.max_motion * std::hypot(image0.image_size.width, image0.image_size.height);
-  Eigen::MatrixXf cosines = image0.descriptors * image1.descriptors.transpose();
-  for (int j = 0; j < cosines.cols(); ++j) {
-    for (int i = 0; i < cosines.rows(); ++i) {
-      const Keypoint &a = image0.keypoints[i], &b = image1.keypoints[j];
-      if (std::hypot(a.x - b.x, a.y - b.y) > reach) cosines(i, j) = -2;
-    }
-  }
-  std::vector<Nearest> backward;
-  for (int j = 0; j < cosines.cols(); ++j) backward.push_back(FindNearest(cosines.col(j)));
-  for (int i = 0; i < cosines.rows(); ++i) {
-    const Nearest forward = FindNearest(cosines.row(i).transpose());
-    if (forward.best < 0 || forward.cosine < options_.min_cosine) continue;
-    const Nearest& back = backward[forward.best];
-    if (back.best != i) continue;
-    if (forward.cosine - std::max(forward.second, back.second) < options_.min_margin) continue;
-    matches.push_back({i, forward.best, forward.cosine});
-  }
-  return matches;
 }
 
 }  // namespace airslam

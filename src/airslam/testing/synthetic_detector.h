@@ -2,7 +2,7 @@
 #pragma once
 
 #include "airslam/neural/feature_detector.h"
-#include "airslam/neural/feature_matcher.h"
+#include "airslam/neural/nearest_matcher.h"
 
 namespace airslam {
 
@@ -26,26 +26,11 @@ class SyntheticDetector : public FeatureDetector {
   Options options_;
 };
 
-// A stand-in for the matcher network: mutual nearest neighbours by cosine. `score` is the cosine.
-class SyntheticMatcher : public FeatureMatcher {
+// A stand-in for the matcher network: mutual nearest neighbours, strict enough that repeated
+// texture stays unmatched.
+class SyntheticMatcher : public NearestMatcher {
  public:
-  struct Options {
-    float min_cosine = 0.85f;
-    // The second best cosine of either side must be lower than the best by this much: repeated
-    // texture stays unmatched.
-    float min_margin = 0.05f;
-    // Correspondences farther apart than this fraction of the image's diagonal do not count.
-    double max_motion = 0.35;
-  };
-
-  SyntheticMatcher() = default;
-  explicit SyntheticMatcher(const Options& options) : options_(options) {}
-
-  std::vector<airslam::Match> Match(const MatcherInput& image0,
-                                    const MatcherInput& image1) override;
-
- private:
-  Options options_;
+  SyntheticMatcher() : NearestMatcher({.min_cosine = 0.85F, .max_squared_ratio = 0.65F}) {}
 };
 
 }  // namespace airslam
