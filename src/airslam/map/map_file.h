@@ -5,13 +5,20 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "airslam/map/map.h"
 
 namespace airslam {
 
+// The version of the schema that this program writes, and the newest that it reads.
+inline constexpr int kMapFormatVersion = 1;
+
 // Writes a map file (SQLite 3, WAL; schema in docs/map_format.md). Every call below is one
 // transaction: a killed process leaves all that was committed. Not thread-safe: one thread owns it.
+// Every call throws Error, leaving the file as before the call, when its input is inconsistent (an
+// unknown id, arrays of different lengths, a number that is not finite) or the disk is full.
 class MapWriter {
  public:
   // Creates `file`; an existing file is an Error. `calibration` and the pack's name and hash are
@@ -27,6 +34,7 @@ class MapWriter {
 
   // Commits what local bundle adjustment changed: poses of keyframes, positions of landmarks,
   // observations and landmarks that were removed as outliers. All parts belong to known ids.
+  // Keyframes that still name a removed landmark are read back as not seeing it.
   struct Update {
     std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam;
     std::vector<Landmark> landmarks;
@@ -44,8 +52,10 @@ class MapWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// Reads a whole map. Throws Error with one sentence when the file does not exist, is not a map, is
-// truncated or damaged, or was written by a newer version.
+// Reads a whole map, also one whose writer was killed or is still at work, and also from a folder
+// that cannot be written. Throws Error with one sentence when the file does not exist, is not a
+// map, is truncated or damaged, or was written by a newer version. Descriptors are as precise as
+// RestoreDescriptors says; all else is as written, bit for bit.
 Map ReadMap(const std::filesystem::path& file);
 
 // SHA-256 over the content (table rows in order of their keys), not over SQLite's bytes: equal for

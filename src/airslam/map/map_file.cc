@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The writing half; map_reader.cc reads.
+#include "airslam/map/map_file.h"
+
+#include <optional>
+
+#include "airslam/common/error.h"
+#include "airslam/map/map_codec.h"
+#include "airslam/map/map_schema.h"
+#include "airslam/map/sqlite.h"
+
+namespace airslam {
+namespace {
+
+void RequireFinite(const Rigid3& pose, const std::string& what) {
+  if (!pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
+    Fail("{} has a pose that is not finite", what);
+  }
+}
+
+void RequireConsistent(const Keyframe& keyframe) {
+  const std::size_t n = keyframe.keypoints.size();
+  if (static_cast<std::size_t>(keyframe.descriptors.rows()) != n || keyframe.right_x.size() != n ||
+      keyframe.landmarks.size() != n) {
+    Fail("keyframe {} has {} keypoints but {} descriptors, {} right columns, {} landmark ids",
+         keyframe.id, n, keyframe.descriptors.rows(), keyframe.right_x.size(),
+         keyframe.landmarks.size());
+  }
+  if (keyframe.line_landmarks.size() != keyframe.lines.size()) {
+    Fail("keyframe {} has {} lines but {} line landmark ids", keyframe.id, keyframe.lines.size(),
+         keyframe.line_landmarks.size());
+  }
+  if (static_cast<std::size_t>(keyframe.junction_descriptors.rows()) != keyframe.junctions.size()) {
+    Fail("keyframe {} has {} junctions but {} junction descriptors", keyframe.id,
+         keyframe.junctions.size(), keyframe.junction_descriptors.rows());
+  }
+  RequireFinite(keyframe.world_from_cam, fmt::format("keyframe {}", keyframe.id));
+}
+
+// Binds qw, qx, qy, qz, tx, ty, tz from `parameter` on.
+void BindPose(SqliteStatement& statement, int parameter, const Rigid3& pose) {
+  const Eigen::Quaterniond& q = pose.rotation;
+  for (const double value : {q.w(), q.x(), q.y(), q.z(), pose.translation.x(), pose.translation.y(),
+                             pose.translation.z()}) {
+    statement.Bind(parameter++, value);
+  }
+}
+
+// Binds id, x, y, z, first_seen_by.
+void BindLandmark(SqliteStatement& statement, const Landmark& landmark) {
+  if (!landmark.point_in_world.allFinite()) {
+    Fail("landmark {} has a position that is not finite", landmark.id);
+  }
+  statement.Bind(1, landmark.id);
+  statement.Bind(2, landmark.point_in_world.x());
+  statement.Bind(3, landmark.point_in_world.y());
+  statement.Bind(4, landmark.point_in_world.z());
+  statement.Bind(5, std::int64_t{landmark.first_seen_by});
+}
+
+Bytes EncodeInertialState(const Keyframe& keyframe) {
+  std::vector<double> values;
+  for (const Eigen::Vector3d& v :
+       {keyframe.velocity_in_world, keyframe.gyroscope_bias, keyframe.accelerometer_bias}) {
+    values.insert(values.end(), v.data(), v.data() + 3);
+  }
+  return EncodeArray<double>(values);
+}
+
+}  // namespace
+
+struct MapWriter::Impl {
+  explicit Impl(const std::filesystem::path& path) : file(path) {}
+
+  // Runs `work` as one transaction; what SQLite answers becomes an Error that names the file.
+  template <class Work>
+  void Transact(Work&& work) {
+    if (!database) Fail("map file {} is closed", file.string());
+    try {
+      SqliteTransaction transaction(*database);
+      work();
+      transaction.Commit();
+    } catch (const SqliteError& error) {
+      Fail("cannot write map file {}: {}", file.string(), error.what());
+    }
+  }
+
+  void Create(const MapCalibration& calibration, const std::string& model_pack,
+              const std::string& model_pack_sha256);
+  void WriteCalibration(const MapCalibration& calibration);
+  void InsertFeatures(const Keyframe& keyframe);
+  void InsertObservations(const Keyframe& keyframe);
+  // Runs a statement that must change the one row of `id`.
+  void RunOn(SqliteStatement& statement, const char* what, std::int64_t id);
+
+  std::filesystem::path file;
+  std::optional<SqliteDatabase> database;
+  struct Statements {
+    explicit Statements(SqliteDatabase& db)
+        : insert_keyframe(db, "INSERT INTO keyframes VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11)"),
+          insert_features(db, "INSERT INTO features VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9)"),
+          insert_observations(db, "INSERT INTO observations VALUES (?1,?2,?3)"),
+          insert_landmark(db, "INSERT INTO landmarks VALUES (?1,?2,?3,?4,?5)"),
+          update_pose(db,
+                      "UPDATE keyframes SET qw=?2, qx=?3, qy=?4, qz=?5, tx=?6, ty=?7, tz=?8 "
+                      "WHERE id=?1"),
+          update_landmark(db,
+                          "UPDATE landmarks SET x=?2, y=?3, z=?4, first_seen_by=?5 WHERE id=?1"),
+          update_observations(db,
+                              "UPDATE observations SET landmarks=?2 "
+                              "WHERE keyframe_id=?1 AND length(landmarks) = length(?2)"),
+          delete_landmark(db, "DELETE FROM landmarks WHERE id=?1") {}
+    SqliteStatement insert_keyframe, insert_features, insert_observations, insert_landmark;
+    SqliteStatement update_pose, update_landmark, update_observations, delete_landmark;
+  };
+  std::optional<Statements> sql;  // after `database`: finalized before it is closed
+};
+
+void MapWriter::Impl::Create(const MapCalibration& calibration, const std::string& model_pack,
+                             const std::string& model_pack_sha256) {
+  RequireFinite(calibration.body_from_left, "the calibration");
+  if (std::error_code ignored; std::filesystem::exists(file, ignored)) {
+    Fail("map file {} exists already", file.string());
+  }
+  try {
+    database.emplace(file, SqliteDatabase::Mode::kCreate);
+    database->Execute("PRAGMA foreign_keys = ON");
+    {
+      // Before WAL: the file itself, without its log, is a map from the first moment on.
+      SqliteTransaction transaction(*database);
+      database->Execute(fmt::format("PRAGMA application_id = {}", kMapApplicationId));
+      database->Execute(fmt::format("PRAGMA user_version = {}", kMapFormatVersion));
+      database->Execute(kMapSchema);
+      WriteCalibration(calibration);
+      SqliteStatement meta(*database, "INSERT INTO meta VALUES (?1, ?2)");
+      for (const auto& [key, value] :
+           {std::pair<std::string_view, std::string_view>{"model_pack", model_pack},
+            {"model_pack_sha256", model_pack_sha256}}) {
+        meta.Bind(1, key);
+        meta.Bind(2, value);
+        meta.Run();
+      }
+      transaction.Commit();
+    }
+    database->QueryText("PRAGMA journal_mode = WAL");
+    database->Execute("PRAGMA synchronous = NORMAL");
+    sql.emplace(*database);
+  } catch (const SqliteError& error) {
+    Fail("cannot create map file {}: {}", file.string(), error.what());
+  }
+}
+
+void MapWriter::Impl::WriteCalibration(const MapCalibration& calibration) {
+  SqliteStatement statement(*database,
+                            "INSERT INTO calibration VALUES "
+                            "(1,?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15)");
+  const Pinhole& camera = calibration.stereo.camera;
+  statement.Bind(1, camera.fx);
+  statement.Bind(2, camera.fy);
+  statement.Bind(3, camera.cx);
+  statement.Bind(4, camera.cy);
+  statement.Bind(5, std::int64_t{camera.width});
+  statement.Bind(6, std::int64_t{camera.height});
+  statement.Bind(7, calibration.stereo.baseline);
+  BindPose(statement, 8, calibration.body_from_left);
+  statement.Bind(15, std::int64_t{calibration.has_imu});
+  statement.Run();
+}
+
+void MapWriter::Impl::InsertFeatures(const Keyframe& keyframe) {
+  SqliteStatement& insert = sql->insert_features;
+  const Bytes keypoints = EncodeKeypoints(keyframe.keypoints);
+  const Bytes right_x = EncodeArray<float>(keyframe.right_x);
+  const QuantizedDescriptors descriptors = QuantizeDescriptors(keyframe.descriptors);
+  const Bytes lines = EncodeLines(keyframe.lines);
+  const Bytes junctions = EncodeKeypoints(keyframe.junctions);
+  const QuantizedDescriptors junction_descriptors =
+      QuantizeDescriptors(keyframe.junction_descriptors);
+  insert.Bind(1, std::int64_t{keyframe.id});
+  insert.Bind(2, keypoints);
+  insert.Bind(3, right_x);
+  insert.Bind(4, descriptors.scale);
+  insert.Bind(5, descriptors.values);
+  if (!lines.empty()) insert.Bind(6, lines);  // what is not bound is NULL
+  if (!junctions.empty()) {
+    insert.Bind(7, junctions);
+    insert.Bind(8, junction_descriptors.scale);
+    insert.Bind(9, junction_descriptors.values);
+  }
+  insert.Run();
+}
+
+void MapWriter::Impl::InsertObservations(const Keyframe& keyframe) {
+  SqliteStatement& insert = sql->insert_observations;
+  const Bytes landmarks = EncodeArray<LandmarkId>(keyframe.landmarks);
+  const Bytes line_landmarks = EncodeArray<LandmarkId>(keyframe.line_landmarks);
+  insert.Bind(1, std::int64_t{keyframe.id});
+  insert.Bind(2, landmarks);
+  if (!line_landmarks.empty()) insert.Bind(3, line_landmarks);
+  insert.Run();
+}
+
+void MapWriter::Impl::RunOn(SqliteStatement& statement, const char* what, std::int64_t id) {
+  statement.Run();
+  if (database->Changes() != 1) Fail("map file {} has no {} {}", file.string(), what, id);
+}
+
+MapWriter::MapWriter(const std::filesystem::path& file, const MapCalibration& calibration,
+                     const std::string& model_pack, const std::string& model_pack_sha256)
+    : impl_(std::make_unique<Impl>(file)) {
+  impl_->Create(calibration, model_pack, model_pack_sha256);
+}
+
+MapWriter::~MapWriter() = default;
+
+void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks) {
+  RequireConsistent(keyframe);
+  impl_->Transact([&] {
+    SqliteStatement& insert = impl_->sql->insert_keyframe;
+    const Bytes inertial_state = EncodeInertialState(keyframe);
+    insert.Bind(1, std::int64_t{keyframe.id});
+    insert.Bind(2, keyframe.timestamp_ns);
+    insert.Bind(3, std::int64_t{keyframe.component});
+    BindPose(insert, 4, keyframe.world_from_cam);
+    if (keyframe.has_inertial_state) insert.Bind(11, inertial_state);
+    insert.Run();
+    impl_->InsertFeatures(keyframe);
+    impl_->InsertObservations(keyframe);
+    for (const Landmark& landmark : new_landmarks) {
+      BindLandmark(impl_->sql->insert_landmark, landmark);
+      impl_->sql->insert_landmark.Run();
+    }
+  });
+}
+
+void MapWriter::Apply(const Update& update) {
+  impl_->Transact([&] {
+    Impl::Statements& sql = *impl_->sql;
+    for (const auto& [id, pose] : update.world_from_cam) {
+      RequireFinite(pose, fmt::format("keyframe {}", id));
+      sql.update_pose.Bind(1, std::int64_t{id});
+      BindPose(sql.update_pose, 2, pose);
+      impl_->RunOn(sql.update_pose, "keyframe", id);
+    }
+    for (const Landmark& landmark : update.landmarks) {
+      BindLandmark(sql.update_landmark, landmark);
+      impl_->RunOn(sql.update_landmark, "landmark", landmark.id);
+    }
+    for (const auto& [id, landmarks] : update.keyframe_landmarks) {
+      const Bytes blob = EncodeArray<LandmarkId>(landmarks);
+      sql.update_observations.Bind(1, std::int64_t{id});
+      sql.update_observations.Bind(2, blob);
+      impl_->RunOn(sql.update_observations, "keyframe with as many keypoints:", id);
+    }
+    for (const LandmarkId id : update.removed_landmarks) {
+      sql.delete_landmark.Bind(1, id);
+      impl_->RunOn(sql.delete_landmark, "landmark", id);
+    }
+  });
+}
+
+void MapWriter::Close() {
+  if (!impl_->database) return;
+  impl_->sql.reset();
+  try {
+    // Leaving WAL makes the file complete in itself, so that it opens in folders that cannot be
+    // written.
+    impl_->database->QueryText("PRAGMA journal_mode = DELETE");
+  } catch (const SqliteError& error) {
+    Fail("cannot close map file {}: {}", impl_->file.string(), error.what());
+  }
+  impl_->database.reset();
+}
+
+}  // namespace airslam

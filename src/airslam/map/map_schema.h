@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The tables of a map file, version 1. docs/map_format.md explains them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace airslam {
+
+// PRAGMA application_id of a map: "ASLM".
+inline constexpr std::int64_t kMapApplicationId = 0x41534c4d;
+
+// What local bundle adjustment rewrites (poses, observations, landmarks) stands in tables of its
+// own, apart from the large BLOBs that never change.
+inline constexpr char kMapSchema[] = R"sql(
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
+CREATE TABLE calibration (
+  id INTEGER PRIMARY KEY CHECK (id = 1),
+  fx REAL NOT NULL, fy REAL NOT NULL, cx REAL NOT NULL, cy REAL NOT NULL,
+  width INTEGER NOT NULL, height INTEGER NOT NULL, baseline REAL NOT NULL,
+  body_from_left_qw REAL NOT NULL, body_from_left_qx REAL NOT NULL,
+  body_from_left_qy REAL NOT NULL, body_from_left_qz REAL NOT NULL,
+  body_from_left_tx REAL NOT NULL, body_from_left_ty REAL NOT NULL,
+  body_from_left_tz REAL NOT NULL,
+  has_imu INTEGER NOT NULL
+) STRICT;
+CREATE TABLE keyframes (
+  id INTEGER PRIMARY KEY,
+  timestamp_ns INTEGER NOT NULL,
+  component INTEGER NOT NULL,
+  qw REAL NOT NULL, qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL,
+  tx REAL NOT NULL, ty REAL NOT NULL, tz REAL NOT NULL,
+  inertial_state BLOB
+) STRICT;
+CREATE TABLE features (
+  keyframe_id INTEGER PRIMARY KEY REFERENCES keyframes (id),
+  keypoints BLOB NOT NULL,
+  right_x BLOB NOT NULL,
+  descriptor_scale REAL NOT NULL,
+  descriptors BLOB NOT NULL,
+  lines BLOB,
+  junctions BLOB,
+  junction_descriptor_scale REAL,
+  junction_descriptors BLOB
+) STRICT;
+CREATE TABLE observations (
+  keyframe_id INTEGER PRIMARY KEY REFERENCES keyframes (id),
+  landmarks BLOB NOT NULL,
+  line_landmarks BLOB
+) STRICT;
+CREATE TABLE landmarks (
+  id INTEGER PRIMARY KEY,
+  x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,
+  first_seen_by INTEGER NOT NULL REFERENCES keyframes (id)
+) STRICT;
+)sql";
+
+// Every table with its key, in the order in which the digest takes them.
+struct MapTable {
+  const char* name;
+  const char* key;
+};
+inline constexpr std::array<MapTable, 6> kMapTables = {{{"meta", "key"},
+                                                        {"calibration", "id"},
+                                                        {"keyframes", "id"},
+                                                        {"features", "keyframe_id"},
+                                                        {"observations", "keyframe_id"},
+                                                        {"landmarks", "id"}}};
+
+}  // namespace airslam
