@@ -45,6 +45,12 @@ class Sequence {
 // Recognises the layout of `folder`: EuRoC ASL (holds mav0, or is mav0) or KITTI odometry (holds
 // image_0, image_1, calib.txt, times.txt). Throws Error when it is neither, holds no pair, its
 // timestamps go back, or the calibration does not match the images.
+//
+// EuRoC: the calibration is that of the sensor.yaml files; without them that of Kalibr's
+// camchain*.yaml and imu*.yaml beside mav0, inside it or in dso/ (TUM-VI). Left and right images
+// are paired by time within half of the frame period, at most 5 ms. The pair has the left image's
+// time. Without data.csv, images named by their nanoseconds are taken as they are, with a warning.
+// 16-bit images are shifted to 8 bits, by 4 if no pixel of five of them exceeds 4095, else by 8.
 std::unique_ptr<Sequence> OpenSequence(const std::filesystem::path& folder);
 
 }  // namespace airslam

@@ -22,7 +22,9 @@ void WriteTum(const std::filesystem::path& file, const Trajectory& trajectory);
 
 // Reads a trajectory of the format its content shows: TUM, EuRoC ground truth csv (timestamp [ns],
 // p, q_wxyz, ...), or KITTI poses (12 numbers a line; times come from `times.txt` beside the file,
-// else the running number in seconds). Sorted by time. Errors name file and line.
+// else the running number in seconds; the body is the left camera). Sorted by time. Errors name
+// file and line; a time that occurs twice is one. A TUM file whose times are nanoseconds (as
+// ORB-SLAM3 writes it) is understood: seconds have at most ten digits before the point.
 Trajectory ReadTrajectory(const std::filesystem::path& file);
 
 }  // namespace airslam
