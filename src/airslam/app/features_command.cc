@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <spdlog/spdlog.h>
-
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -13,9 +12,11 @@
 
 #include "airslam/app/commands.h"
 #include "airslam/common/error.h"
+#include "airslam/common/log.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/nearest_matcher.h"
 #include "airslam/neural/plnet.h"
+#include "airslam/neural/transformer_matcher.h"
 
 namespace airslam {
 namespace {
@@ -108,6 +109,17 @@ void WriteMatches(const std::string& file, const Detections& features0, const De
   if (!stream) Fail("{}: the matches could not be written", file);
 }
 
+// The matcher that was asked for, if the pack has it.
+std::unique_ptr<FeatureMatcher> MakeMatcher(const std::string& kind, const ModelPack& pack) {
+  if (kind == "transformer" && pack.matcher) {
+    return std::make_unique<TransformerMatcher>(*pack.matcher, pack.features.descriptor_size);
+  }
+  if (kind == "transformer") {
+    LogInfo("the model pack '{}' has no matcher: matching nearest neighbours", pack.name);
+  }
+  return std::make_unique<NearestMatcher>();
+}
+
 void RunFeatures(const FeaturesArguments& arguments) {
   const cv::Mat image0 = ReadGrey(arguments.image0);
   const cv::Mat image1 = ReadGrey(arguments.image1);
@@ -115,7 +127,7 @@ void RunFeatures(const FeaturesArguments& arguments) {
   PlNet plnet(pack.features);
   plnet.Prepare(image0.size());
   plnet.Prepare(image1.size());
-  const std::unique_ptr<FeatureMatcher> matcher = std::make_unique<NearestMatcher>();
+  const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(arguments.matcher, pack);
 
   auto start = std::chrono::steady_clock::now();
   const Detections features0 = plnet.Detect(image0, cv::Mat(), arguments.max_keypoints);
@@ -134,7 +146,12 @@ void RunFeatures(const FeaturesArguments& arguments) {
   std::printf("model pack    %s\n", pack.name.c_str());
   std::printf("keypoints     %zu and %zu, %.1f ms an image\n", features0.keypoints.size(),
               features1.keypoints.size(), detect_ms);
-  std::printf("matches       %zu, %.1f ms\n", matches.size(), match_ms);
+  std::printf("matches       %zu, %.1f ms", matches.size(), match_ms);
+  if (const auto* transformer = dynamic_cast<const TransformerMatcher*>(matcher.get())) {
+    std::printf(", %.0f of %zu stages", transformer->statistics().MeanStages(),
+                pack.matcher->stages.size());
+  }
+  std::printf("\n");
 }
 
 }  // namespace
