@@ -72,7 +72,8 @@ def first_timestamp(file: Path) -> int:
     return _nanoseconds(rows[0][0]) if rows else 0
 
 
-def at_times(path: Path3, seconds: np.ndarray, tolerance: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
+def at_times(path: Path3, seconds: np.ndarray,
+             tolerance: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
     """Positions of a path at given times by linear interpolation, and which of them it covers.
 
     A time is covered when the path has poses on both sides that are near (or it is one of them).

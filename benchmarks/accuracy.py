@@ -1,0 +1,240 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs `airslam map` on every sequence and prints accuracy and cost as a markdown table.
+
+    .venv/bin/python benchmarks/accuracy.py --root ../shared/data --runs 3 --compare \
+        --pictures --out out/accuracy
+
+ATE is the RMSE in metres of the body's positions after SE(3) alignment, over every frame of the
+trajectory, as `airslam eval` computes it. CPU and memory come from the kernel (wait4) and are of the
+whole process. Options after `--` go to `airslam map`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import shlex
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+DEFAULT_SEQUENCES = ["kitti_00_first151", "warehouse_day", "warehouse_dynamic",
+                     "euroc_v101_keyframes", "euroc_v101_start"]
+
+# Stereo without IMU, two CPU cores, ATE RMSE in metres of the body after SE(3) alignment. Source:
+# the task's own measurement (issue 3, "What must be shown"): ORB-SLAM3 with its loops closed
+# (final), Basalt causal.
+PEERS = {
+    "kitti_00_first151": {"ORB-SLAM3": "0.39 (151/151)", "Basalt": "0.31"},
+    "warehouse_day": {"ORB-SLAM3": "0.016 (0.012–0.027), causal 0.019; 29 ms wall, "
+                                   "44 ms CPU, 195 MB",
+                      "Basalt": "0.012 (other configuration: 0.59); 28 ms wall, 47 ms CPU, 97 MB"},
+    "warehouse_dynamic": {"ORB-SLAM3": "0.060 (0.012–0.109), 46–100 % of the frames",
+                          "Basalt": "4 to 7"},
+}
+
+
+@dataclass
+class Run:
+    """One run of `airslam map` on one sequence."""
+
+    sequence: str
+    frames: int            # of the sequence
+    frames_with_pose: int  # rows of trajectory.tum
+    ate: float | None      # metres, trajectory.tum; None without ground truth or result
+    ate_online: float | None
+    wall_seconds: float
+    frames_per_second: float
+    cpu_ms: float          # user and system time a frame
+    peak_mb: float
+    keyframes: int
+    components: int
+    failure: str = ""
+
+
+def ground_truth(sequence: Path) -> Path | None:
+    """The ground truth file of a sequence folder, if it has one."""
+    for candidate in ("mav0/state_groundtruth_estimate0/data.csv", "poses.txt"):
+        if (sequence / candidate).exists():
+            return sequence / candidate
+    return None
+
+
+def evaluate(airslam: Path, sequence: Path, trajectory: Path) -> dict:
+    """What `airslam eval` writes about a trajectory, kept beside it; nothing when it refuses."""
+    truth = ground_truth(sequence)
+    if truth is None:
+        return {}
+    answer = trajectory.with_suffix(".eval.json")
+    command = [str(airslam), "eval", str(truth), str(trajectory), "--dataset", str(sequence),
+               "--json", str(answer)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        print(f"  {shlex.join(command)}: {result.stderr.strip()}", file=sys.stderr)
+        return {}
+    return json.loads(answer.read_text())
+
+
+def run_map(airslam: Path, sequence: Path, out: Path,
+            extra: list[str]) -> tuple[int, float, float, float]:
+    """Runs `airslam map`: exit code, wall seconds, CPU seconds, peak resident MB."""
+    command = [str(airslam), "map", str(sequence), "--out", str(out), *extra]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with open(out.with_suffix(".log"), "w") as log:
+        start = time.monotonic()
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.monotonic() - start
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+
+
+def measure(airslam: Path, sequence: Path, out: Path, extra: list[str]) -> Run:
+    """One run with its evaluation."""
+    code, wall, cpu, peak = run_map(airslam, sequence, out, extra)
+    if code != 0:
+        log = out.with_suffix(".log").read_text().strip().splitlines()
+        return Run(sequence.name, 0, 0, None, None, wall, 0, 0, peak, 0, 0,
+                   f"exit code {code}: {log[-1] if log else ''}")
+    report = json.loads((out / "report.json").read_text())
+    frames = report["frames"]
+    posed = sum(1 for line in (out / "trajectory.tum").read_text().splitlines()
+                if line and line[0] != "#")
+    ates = [evaluate(airslam, sequence, out / name).get("ate_position_m", {}).get("rmse")
+            for name in ("trajectory.tum", "trajectory_online.tum")]
+    return Run(sequence.name, frames, posed, ates[0], ates[1], wall, frames / wall,
+               1000 * cpu / frames, peak, report.get("keyframes", 0), report.get("components", 0))
+
+
+def spread(values: list[float | None], digits: int) -> str:
+    """Median, and the range where it is not all the same."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return "–"
+    text = f"{statistics.median(known):.{digits}f}"
+    low, high = f"{min(known):.{digits}f}", f"{max(known):.{digits}f}"
+    return text if low == high else f"{text} ({low}–{high})"
+
+
+def table_row(runs: list[Run], compare: bool) -> list[str]:
+    """The cells of one sequence."""
+    good = [run for run in runs if not run.failure]
+    name = runs[0].sequence
+    if not good:
+        cells = [name, runs[0].failure] + ["–"] * 7
+    else:
+        posed = sorted({run.frames_with_pose for run in good})
+        tracked = "–".join(str(n) for n in (posed if len(posed) == 1 else (posed[0], posed[-1])))
+        cells = [name, f"{tracked}/{good[0].frames}",
+                 spread([run.ate for run in good], 4), spread([run.ate_online for run in good], 4),
+                 spread([run.wall_seconds for run in good], 1),
+                 spread([run.frames_per_second for run in good], 1),
+                 spread([run.cpu_ms for run in good], 1),
+                 spread([run.peak_mb for run in good], 0),
+                 spread([float(run.keyframes) for run in good], 0)]
+    if compare:
+        peers = PEERS.get(name, {})
+        cells += [peers.get("ORB-SLAM3", "–"), peers.get("Basalt", "–")]
+    return cells
+
+
+def markdown(results: dict[str, list[Run]], compare: bool) -> str:
+    """The table of all sequences."""
+    head = ["sequence", "frames in trajectory", "ATE final [m]", "ATE online [m]", "wall [s]",
+            "frames/s", "CPU ms/frame", "peak MB", "keyframes"]
+    if compare:
+        head += ["ORB-SLAM3 (ATE)", "Basalt (ATE)"]
+    rows = [head, ["---"] * len(head)] + [table_row(runs, compare) for runs in results.values()]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def git(*arguments: str) -> str:
+    """The answer of a git command in this repository, or nothing."""
+    result = subprocess.run(["git", "-C", str(REPOSITORY), *arguments], capture_output=True,
+                            text=True, check=False)
+    return result.stdout.strip()
+
+
+def conditions(airslam: Path, runs: int, extra: list[str]) -> str:
+    """What the numbers hold for: commit, command, machine."""
+    changed = " with uncommitted changes in src/" if git("status", "--porcelain", "src") else ""
+    processor = next((line.split(":", 1)[1].strip()
+                      for line in Path("/proc/cpuinfo").read_text().splitlines()
+                      if line.startswith("model name")), platform.processor())
+    return "\n".join([
+        f"commit {git('rev-parse', '--short', 'HEAD')}{changed}, {time.strftime('%F %R %Z')}",
+        f"command: `{shlex.join([str(airslam), 'map', '<sequence>', '--out', '<folder>', *extra])}`,"
+        f" {runs} run(s), median (range)",
+        f"machine: {len(os.sched_getaffinity(0))} × {processor}, load average before the start "
+        f"{os.getloadavg()[0]:.1f}",
+    ])
+
+
+def draw(sequence: Path, result: Path, picture: Path) -> None:
+    """Trajectory against ground truth of one run."""
+    sys.path.insert(0, str(REPOSITORY / "scripts"))
+    import demo  # noqa: PLC0415 (needs matplotlib, which the table does not)
+
+    truth = ground_truth(sequence)
+    trajectory = result / "trajectory.tum"
+    report = json.loads((result / "report.json").read_text())
+    comparison = demo.compare(trajectory, truth) if truth else None
+    demo.draw_trajectory(picture, comparison,
+                         demo.read_path(trajectory, demo.first_timestamp(trajectory)), report)
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--root", type=Path, default=REPOSITORY / "../shared/data",
+                        help="folder of the sequences")
+    parser.add_argument("--sequences", nargs="+", default=DEFAULT_SEQUENCES)
+    parser.add_argument("--runs", type=int, default=1, help="of each sequence")
+    parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
+    parser.add_argument("--out", type=Path, default=REPOSITORY / "out/accuracy")
+    parser.add_argument("--compare", action="store_true", help="columns of the peers")
+    parser.add_argument("--pictures", action="store_true", help="a picture a sequence, into --out")
+    parser.add_argument("extra", nargs="*", help="after --: options of `airslam map`")
+    return parser.parse_args()
+
+
+def main() -> int:
+    arguments = parse()
+    if not arguments.airslam.exists():
+        raise SystemExit(f"accuracy: {arguments.airslam} is missing; run `make build`")
+    about = conditions(arguments.airslam, arguments.runs, arguments.extra)
+    results: dict[str, list[Run]] = {}
+    for name in arguments.sequences:
+        sequence = arguments.root / name
+        if not sequence.exists():
+            print(f"  {sequence} does not exist: left out", file=sys.stderr)
+            continue
+        for index in range(arguments.runs):
+            out = arguments.out / f"{name}_{index}"
+            run = measure(arguments.airslam, sequence, out, arguments.extra)
+            results.setdefault(name, []).append(run)
+            print(f"  {name} {index + 1}/{arguments.runs}: {run.failure or spread([run.ate], 4)}",
+                  file=sys.stderr)
+    if not results:
+        raise SystemExit(f"accuracy: none of the sequences is in {arguments.root}")
+    text = f"{about}\n\n{markdown(results, arguments.compare)}\n"
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "accuracy.md").write_text(text)
+    (arguments.out / "accuracy.json").write_text(json.dumps(
+        {name: [asdict(run) for run in runs] for name, runs in results.items()}, indent=2) + "\n")
+    print(text, end="")
+    if arguments.pictures:  # last: matplotlib's memory would count as a child's before its exec
+        for name, runs in results.items():
+            if not runs[0].failure and runs[0].frames_with_pose:
+                draw(arguments.root / name, arguments.out / f"{name}_0", arguments.out / f"{name}.png")
+    return 1 if any(run.failure for runs in results.values() for run in runs) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
