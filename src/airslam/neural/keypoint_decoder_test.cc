@@ -155,7 +155,8 @@ TestMap CrowdedMap() {
 TEST(KeypointDecoder, SpreadGivesEveryCellItsShare) {
   const TestMap map = CrowdedMap();
   KeypointDecoderOptions options;
-  options.max_keypoints = 128;  // 8 x 4 cells
+  options.max_keypoints = 128;
+  options.cell_size = 64;  // 8 x 4 cells
   const auto right = [](const std::vector<Keypoint>& keypoints) {
     return std::count_if(keypoints.begin(), keypoints.end(),
                          [](const Keypoint& k) { return k.x >= 128; });

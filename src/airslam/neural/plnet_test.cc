@@ -5,7 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <thread>
+#include <vector>
 
 #include "airslam/common/error.h"
 
@@ -17,6 +18,13 @@ constexpr char kPack[] = AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata/pack";
 NetworkLoader ExactLoader() {
   OpenVinoOptions options;
   options.precision = Precision::kF32;
+  options.cache_folder.clear();
+  return OpenVinoLoader(options);
+}
+
+// The precision that is used in earnest, whatever it is on this CPU.
+NetworkLoader UsualLoader() {
+  OpenVinoOptions options;
   options.cache_folder.clear();
   return OpenVinoLoader(options);
 }
@@ -84,7 +92,7 @@ TEST(PlNet, HandlesSeveralImageSizes) {
 }
 
 TEST(PlNet, TheResultDependsOnTheArgumentsOnly) {
-  PlNet plnet(Spec());  // the precision that is used in earnest
+  PlNet plnet(Spec(), UsualLoader());
   cv::Mat noise(96, 128, CV_8UC1);
   cv::RNG(5).fill(noise, cv::RNG::UNIFORM, 0, 256);
   const Detections first = plnet.Detect(noise, cv::Mat(), 50);
@@ -98,6 +106,26 @@ TEST(PlNet, TheResultDependsOnTheArgumentsOnly) {
     EXPECT_EQ(first.keypoints[i].score, second.keypoints[i].score);
   }
   EXPECT_EQ(first.descriptors, second.descriptors);
+}
+
+TEST(PlNet, TwoInstancesRunSideBySide) {
+  cv::Mat noise(96, 128, CV_8UC1);
+  cv::RNG(6).fill(noise, cv::RNG::UNIFORM, 0, 256);
+  const FeatureNetworkSpec spec = Spec();
+  const DescriptorMatrix alone =
+      PlNet(spec, UsualLoader()).Detect(noise, cv::Mat(), 50).descriptors;
+  std::vector<DescriptorMatrix> results(2);
+  {
+    std::vector<std::jthread> threads;
+    for (DescriptorMatrix& result : results) {
+      threads.emplace_back([&] {
+        PlNet plnet(spec, UsualLoader());
+        for (int i = 0; i < 20; ++i) result = plnet.Detect(noise, cv::Mat(), 50).descriptors;
+      });
+    }
+  }
+  EXPECT_EQ(results[0], alone);
+  EXPECT_EQ(results[1], alone);
 }
 
 TEST(PlNet, RefusesWhatItCannotTake) {
