@@ -3,6 +3,8 @@
 // The writing half; map_reader.cc reads.
 #include "airslam/map/map_file.h"
 
+#include <sqlite3.h>
+
 #include <optional>
 
 #include "airslam/common/error.h"
@@ -126,6 +128,7 @@ void MapWriter::Impl::Create(const MapCalibration& calibration, const std::strin
   try {
     database.emplace(file, SqliteDatabase::Mode::kCreate);
     database->Execute("PRAGMA foreign_keys = ON");
+    database->Execute("PRAGMA synchronous = NORMAL");
     {
       // Before WAL: the file itself, without its log, is a map from the first moment on.
       SqliteTransaction transaction(*database);
@@ -144,7 +147,6 @@ void MapWriter::Impl::Create(const MapCalibration& calibration, const std::strin
       transaction.Commit();
     }
     database->QueryText("PRAGMA journal_mode = WAL");
-    database->Execute("PRAGMA synchronous = NORMAL");
     sql.emplace(*database);
   } catch (const SqliteError& error) {
     Fail("cannot create map file {}: {}", file.string(), error.what());
@@ -265,10 +267,12 @@ void MapWriter::Close() {
   impl_->sql.reset();
   try {
     // Leaving WAL makes the file complete in itself, so that it opens in folders that cannot be
-    // written.
+    // written. While a reader is at work that is not to be had: the log stays beside the file.
+    impl_->database->Execute("PRAGMA busy_timeout = 1000");
     impl_->database->QueryText("PRAGMA journal_mode = DELETE");
   } catch (const SqliteError& error) {
-    Fail("cannot close map file {}: {}", impl_->file.string(), error.what());
+    if (error.result_code() != SQLITE_BUSY)
+      Fail("cannot close map file {}: {}", impl_->file.string(), error.what());
   }
   impl_->database.reset();
 }

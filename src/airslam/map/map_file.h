@@ -36,11 +36,11 @@ class MapWriter {
   // observations and landmarks that were removed as outliers. All parts belong to known ids.
   // Keyframes that still name a removed landmark are read back as not seeing it.
   struct Update {
-    std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam;
-    std::vector<Landmark> landmarks;
+    std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam = {};
+    std::vector<Landmark> landmarks = {};
     // Keyframes whose keypoints' landmark ids changed: the whole new column.
-    std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_landmarks;
-    std::vector<LandmarkId> removed_landmarks;
+    std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_landmarks = {};
+    std::vector<LandmarkId> removed_landmarks = {};
   };
   void Apply(const Update& update);
 

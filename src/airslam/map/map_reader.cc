@@ -238,6 +238,20 @@ void ForgetRemovedLandmarks(Map& map) {
   }
 }
 
+// SQLite reads what is missing of the last page as zeros. A file without a write-ahead log must
+// have all its pages.
+void RequireWholePages(OpenMap& map, const fs::path& file) {
+  const fs::path connected = map.copy ? map.copy->file() : file;
+  std::error_code error;
+  if (fs::file_size(connected.string() + "-wal", error) > 0 && !error) return;
+  const auto size = static_cast<std::int64_t>(fs::file_size(connected, error));
+  const std::int64_t expected = map.database->QueryInteger("PRAGMA page_count") *
+                                map.database->QueryInteger("PRAGMA page_size");
+  if (!error && size < expected) {
+    FailDamaged(file, fmt::format("it has {} bytes of {}", size, expected));
+  }
+}
+
 // Connects, and checks that this is a map of a version that this program reads. What follows sees
 // the map at one moment, also while a writer is at work.
 void Open(OpenMap& map, const fs::path& file) {
@@ -246,6 +260,7 @@ void Open(OpenMap& map, const fs::path& file) {
     ConnectOrCopy(map, file);
     map.database->Execute("BEGIN");
     RequireKnownVersion(*map.database, file);
+    RequireWholePages(map, file);
   } catch (const SqliteError& error) {
     FailDamaged(file, error.what());
   }
