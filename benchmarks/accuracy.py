@@ -6,8 +6,8 @@
         --pictures --out out/accuracy
 
 ATE is the RMSE in metres of the body's positions after SE(3) alignment, over every frame of the
-trajectory, as `airslam eval` computes it. CPU and memory come from the kernel (wait4) and are of the
-whole process. Options after `--` go to `airslam map`.
+trajectory, as `airslam eval` computes it. CPU and memory come from the kernel (wait4) and are of
+the whole process. Options after `--` go to `airslam map`.
 """
 
 from __future__ import annotations
@@ -170,8 +170,8 @@ def conditions(airslam: Path, runs: int, extra: list[str]) -> str:
                       if line.startswith("model name")), platform.processor())
     return "\n".join([
         f"commit {git('rev-parse', '--short', 'HEAD')}{changed}, {time.strftime('%F %R %Z')}",
-        f"command: `{shlex.join([str(airslam), 'map', '<sequence>', '--out', '<folder>', *extra])}`,"
-        f" {runs} run(s), median (range)",
+        f"command: `{shlex.join([str(airslam), 'map', 'SEQUENCE', '--out', 'FOLDER', *extra])}`, "
+        f"{runs} run(s), median (range)",
         f"machine: {len(os.sched_getaffinity(0))} × {processor}, load average before the start "
         f"{os.getloadavg()[0]:.1f}",
     ])
@@ -232,7 +232,8 @@ def main() -> int:
     if arguments.pictures:  # last: matplotlib's memory would count as a child's before its exec
         for name, runs in results.items():
             if not runs[0].failure and runs[0].frames_with_pose:
-                draw(arguments.root / name, arguments.out / f"{name}_0", arguments.out / f"{name}.png")
+                draw(arguments.root / name, arguments.out / f"{name}_0",
+                     arguments.out / f"{name}.png")
     return 1 if any(run.failure for runs in results.values() for run in runs) else 0
 
 

@@ -165,7 +165,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--source", type=Path, default=REPOSITORY / "../shared/data/warehouse_day",
                         help="EuRoC folder to repeat")
     parser.add_argument("--minutes", type=float, default=5)
-    parser.add_argument("--rate", type=float, default=10, help="frames a second of the new sequence")
+    parser.add_argument("--rate", type=float, default=10, help="frames a second")
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/growth")
     parser.add_argument("extra", nargs="*", help="after --: options of `airslam map`")

@@ -222,7 +222,7 @@ def _rotate(quaternion_wxyz: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def read_map(file: Path) -> MapContent:
-    """Reads the landmarks and keyframes of a map file's largest component, without writing to it."""
+    """Reads the landmarks and keyframes of a map file's largest component (read-only)."""
     with sqlite3.connect(f"file:{file}?mode=ro", uri=True) as database:
         component = database.execute("SELECT component FROM keyframes GROUP BY component "
                                      "ORDER BY COUNT(*) DESC, component LIMIT 1").fetchone()
