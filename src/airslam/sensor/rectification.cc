@@ -14,6 +14,9 @@ namespace {
 constexpr double kMinBaseline = 1e-4;    // m
 constexpr double kMinAxesCosine = 0.5;   // the optical axes are at most 60 degrees apart
 constexpr double kMinValidShare = 0.25;  // of a rectified image
+// The view is widened in small steps while every pixel keeps its source, but not by more.
+constexpr double kMinZoom = 0.9;  // of the mean raw focal length
+constexpr double kZoomStep = 0.005;
 
 // The common orientation of the rectified cameras. Columns: x, y, z of the rectified camera in
 // body.
@@ -89,6 +92,63 @@ Eigen::Vector2d BorderCentre(const DistortedCamera& raw,
   return axis.hnormalized();
 }
 
+// One camera on its way from raw to rectified.
+struct Turned {
+  const DistortedCamera& raw;
+  Eigen::Matrix3d raw_from_rectified;
+  double max_radius;
+
+  Turned(const DistortedCamera& camera, const Eigen::Matrix3d& rectified_from_raw)
+      : raw(camera),
+        raw_from_rectified(rectified_from_raw.transpose()),
+        max_radius(camera.MaxRadius()) {}
+
+  // The raw pixel that a rectified one shows; (-1, -1) where the lens shows nothing.
+  Eigen::Vector2d RawPixel(const Pinhole& rectified, const Eigen::Vector2d& pixel) const {
+    const Eigen::Vector3d ray = raw_from_rectified * rectified.Unproject(pixel);
+    if (ray.z() <= 0 || ray.hnormalized().norm() >= max_radius) return {-1, -1};
+    return raw.Project(ray);
+  }
+
+  // Whether every rectified pixel has a source; looks at a grid that includes the border.
+  bool AllValid(const Pinhole& rectified) const {
+    constexpr int kSteps = 64;
+    for (int i = 0; i <= kSteps; ++i) {
+      for (int j = 0; j <= kSteps; ++j) {
+        const Eigen::Vector2d pixel(j * (rectified.width - 1.0) / kSteps,
+                                    i * (rectified.height - 1.0) / kSteps);
+        if (!raw.pinhole.Contains(RawPixel(rectified, pixel))) return false;
+      }
+    }
+    return true;
+  }
+};
+
+// The pinhole camera that both rectified images share, see the class's comment.
+Pinhole RectifiedCamera(const StereoRig& rig, const Eigen::Matrix3d& left_rotation,
+                        const Eigen::Matrix3d& right_rotation) {
+  const Pinhole& left = rig.left.camera.pinhole;
+  const Pinhole& right = rig.right.camera.pinhole;
+  const double mean_focal = 0.25 * (left.fx + left.fy + right.fx + right.fy);
+  const Eigen::Vector2d centre = 0.5 * (BorderCentre(rig.left.camera, left_rotation) +
+                                        BorderCentre(rig.right.camera, right_rotation));
+  const auto camera_of = [&](double zoom) {
+    const double focal = zoom * mean_focal;
+    const Eigen::Vector2d principal =
+        0.5 * Eigen::Vector2d(left.width - 1, left.height - 1) - focal * centre;
+    return Pinhole{focal, focal, principal.x(), principal.y(), left.width, left.height};
+  };
+  const Turned turned_left(rig.left.camera, left_rotation);
+  const Turned turned_right(rig.right.camera, right_rotation);
+  Pinhole camera = camera_of(1);
+  for (int i = 1; 1 - i * kZoomStep > kMinZoom - 1e-9; ++i) {
+    const Pinhole wider = camera_of(1 - i * kZoomStep);
+    if (!turned_left.AllValid(wider) || !turned_right.AllValid(wider)) break;
+    camera = wider;
+  }
+  return camera;
+}
+
 bool SameCamera(const Pinhole& a, const Pinhole& b) {
   return a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy && a.width == b.width &&
          a.height == b.height;
@@ -120,15 +180,7 @@ StereoRectifier::StereoRectifier(const StereoRig& rig) {
       rig.left.body_from_cam.rotation * Eigen::Quaterniond(left_.rectified_from_raw).conjugate(),
       rig.left.body_from_cam.translation);
 
-  const double focal = 0.25 * (left.fx + left.fy + right.fx + right.fy);
-  const Eigen::Vector2d centre = 0.5 * (BorderCentre(rig.left.camera, left_.rectified_from_raw) +
-                                        BorderCentre(rig.right.camera, right_.rectified_from_raw));
-  stereo_.camera = {focal,
-                    focal,
-                    0.5 * (left.width - 1) - focal * centre.x(),
-                    0.5 * (left.height - 1) - focal * centre.y(),
-                    left.width,
-                    left.height};
+  stereo_.camera = RectifiedCamera(rig, left_.rectified_from_raw, right_.rectified_from_raw);
   BuildMaps(rig.left.camera, &left_);
   BuildMaps(rig.right.camera, &right_);
 }
@@ -138,13 +190,10 @@ void StereoRectifier::BuildMaps(const DistortedCamera& raw, View* view) const {
   const cv::Size size(camera.width, camera.height);
   cv::Mat map_x(size, CV_32FC1), map_y(size, CV_32FC1);
   view->mask.create(size, CV_8UC1);
-  const Eigen::Matrix3d raw_from_rectified = view->rectified_from_raw.transpose();
-  const double max_radius = raw.MaxRadius();
+  const Turned turned(raw, view->rectified_from_raw);
   for (int v = 0; v < size.height; ++v) {
     for (int u = 0; u < size.width; ++u) {
-      const Eigen::Vector3d ray = raw_from_rectified * camera.Unproject(Eigen::Vector2d(u, v));
-      Eigen::Vector2d pixel(-1, -1);  // no source
-      if (ray.z() > 0 && ray.hnormalized().norm() < max_radius) pixel = raw.Project(ray);
+      const Eigen::Vector2d pixel = turned.RawPixel(camera, Eigen::Vector2d(u, v));
       map_x.at<float>(v, u) = static_cast<float>(pixel.x());
       map_y.at<float>(v, u) = static_cast<float>(pixel.y());
       view->mask.at<uchar>(v, u) = raw.pinhole.Contains(pixel) ? 255 : 0;

@@ -13,9 +13,10 @@ namespace airslam {
 // Turns raw stereo pairs into rectified ones (rows correspond, one pinhole camera for both).
 //
 // Both cameras are turned so that x runs along the baseline and z lies half-way between the two
-// raw optical axes. The focal length stays the mean of the raw ones, and the principal point is
-// where the borders of the raw images come to lie centrally: the field of view is that of a pinhole
-// of the raw focal length, and what has no source is masked rather than cropped away.
+// raw optical axes. The focal length is the mean of the raw ones, or up to 10 % less as long as 99
+// % of the pixels of both images have a source: the field of view is kept rather than cropped to
+// the valid part, and what has no source is masked. The principal point is such that the borders of
+// the raw images come to lie centrally.
 //
 // Rectification rotates the cameras, so the extrinsic rotates with them:
 // body_from_rectified = body_from_raw * R_rect^T, where R_rect = rectified_from_raw.

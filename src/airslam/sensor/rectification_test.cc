@@ -184,14 +184,20 @@ TEST_P(RectifiedRig, MaskSaysWhatHasASource) {
   check(rig().right, rectifier.right_rotation(), rectifier.right_mask());
 }
 
-TEST_P(RectifiedRig, KeepsTheMeanFocalLength) {
+TEST_P(RectifiedRig, FocalLengthIsTheMeanOrLittleLess) {
   const StereoRectifier rectifier(rig());
   const Pinhole& pinhole = rectifier.stereo().camera;
-  EXPECT_EQ(pinhole.fx, pinhole.fy);
   const Pinhole &left = rig().left.camera.pinhole, &right = rig().right.camera.pinhole;
-  EXPECT_NEAR(pinhole.fx, (left.fx + left.fy + right.fx + right.fy) / 4, 1e-9);
+  const double mean = (left.fx + left.fy + right.fx + right.fy) / 4;
+  EXPECT_EQ(pinhole.fx, pinhole.fy);
+  EXPECT_LE(pinhole.fx, mean + 1e-9);
+  EXPECT_GE(pinhole.fx, 0.9 * mean - 1e-9);
   EXPECT_EQ(pinhole.width, left.width);
   EXPECT_EQ(pinhole.height, left.height);
+  if (pinhole.fx < mean - 1e-9) {  // widened, so every pixel has a source
+    EXPECT_TRUE(rectifier.left_mask().empty());
+    EXPECT_TRUE(rectifier.right_mask().empty());
+  }
 }
 
 StereoRig TurnedPinholeRig() {
@@ -211,6 +217,13 @@ INSTANTIATE_TEST_SUITE_P(Rigs, RectifiedRig,
                          [](const testing::TestParamInfo<NamedRig>& named) {
                            return named.param.name;
                          });
+
+TEST(StereoRectifier, WidensTheViewOfABarrelLensAndNotOfAPinhole) {
+  const double barrel = StereoRectifier(WarehouseRig()).stereo().camera.fx;
+  EXPECT_LT(barrel, 0.98 * 457.418);
+  EXPECT_GT(barrel, 0.90 * 457.418);
+  EXPECT_NEAR(StereoRectifier(TurnedPinholeRig()).stereo().camera.fx, 457.41775, 1e-9);
+}
 
 TEST(StereoRectifier, MasksWhereATurnedCameraSeesNothing) {
   const StereoRectifier rectifier(TurnedPinholeRig());
