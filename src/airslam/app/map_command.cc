@@ -29,7 +29,9 @@ struct MapArguments {
 };
 
 std::unique_ptr<FeatureMatcher> MakeMatcher(const ModelPack& pack) {
-  if (pack.matcher) return std::make_unique<TransformerMatcher>(*pack.matcher);
+  if (pack.matcher) {
+    return std::make_unique<TransformerMatcher>(*pack.matcher, pack.features.descriptor_size);
+  }
   LogInfo("model pack {} has no matcher: mutual nearest neighbours instead", pack.name);
   return std::make_unique<NearestMatcher>();
 }

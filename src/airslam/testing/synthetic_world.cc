@@ -230,12 +230,12 @@ bool SyntheticWorld::Visible(const Eigen::Vector3d& eye,
   return !hit || hit->distance > length - kOnSurface;
 }
 
-std::vector<PointObservation> ObservePoints(const SyntheticWorld& world,
+std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world,
                                             const DistortedCamera& camera,
                                             const Rigid3& world_from_cam, double pixel_noise,
                                             std::mt19937& random) {
   const Rigid3 cam_from_world = world_from_cam.Inverse();
-  std::vector<PointObservation> observations;
+  std::vector<VisiblePoint> observations;
   for (std::size_t i = 0; i < world.points().size(); ++i) {
     const Eigen::Vector3d& point = world.points()[i];
     const auto pixel = SeenAt(world, camera, world_from_cam, cam_from_world, point);

@@ -92,7 +92,7 @@ std::optional<RayHit> CastBox(const WorldBox& box, bool inside,
                               const Eigen::Vector3d& direction_in_box);
 
 // A world point seen by a camera.
-struct PointObservation {
+struct VisiblePoint {
   int point = -1;                                   // index into points()
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // in the camera's own (raw) image, with noise
   double depth = 0;                                 // z in the camera, metres, exact
@@ -109,7 +109,7 @@ struct SegmentObservation {
 
 // The points that a camera sees, in order of their index. Occlusion and the image's border count.
 // pixel_noise: standard deviation in pixels, drawn from `random`.
-std::vector<PointObservation> ObservePoints(const SyntheticWorld& world,
+std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world,
                                             const DistortedCamera& camera,
                                             const Rigid3& world_from_cam, double pixel_noise,
                                             std::mt19937& random);

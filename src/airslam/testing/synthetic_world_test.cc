@@ -76,7 +76,7 @@ TEST(SyntheticWorldTest, SeesManyPointsWhereTheyProject) {
     std::mt19937 random(1);
     const auto seen = ObservePoints(world, rig.left.camera, world_from_cam, 0, random);
     EXPECT_GT(seen.size(), 60u);
-    for (const PointObservation& observation : seen) {
+    for (const VisiblePoint& observation : seen) {
       Eigen::Vector3d ray;
       ASSERT_TRUE(rig.left.camera.Unproject(observation.pixel, &ray));
       const Eigen::Vector3d back = world_from_cam * Eigen::Vector3d(ray * observation.depth);

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/pipeline.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <functional>
+#include <set>
+#include <stdexcept>
+
+#include "airslam/common/error.h"
+#include "airslam/odometry/report.h"
+#include "airslam/testing/synthetic_detector.h"
+#include "airslam/testing/synthetic_sequence.h"
+
+namespace airslam {
+namespace {
+
+// A synthetic sequence some of whose images are spoilt.
+class SpoiltSequence : public Sequence {
+ public:
+  SpoiltSequence(const SyntheticSequence& source, std::function<void(int, StereoPair&)> spoil)
+      : source_(source), spoil_(std::move(spoil)) {}
+  std::string name() const override { return "spoilt"; }
+  const StereoRig& rig() const override { return source_.rig(); }
+  int size() const override { return source_.size(); }
+  std::int64_t timestamp_ns(int index) const override { return source_.timestamp_ns(index); }
+  const std::vector<ImuSample>& imu() const override { return source_.imu(); }
+  const std::vector<std::string>& warnings() const override { return source_.warnings(); }
+  StereoPair Read(int index) const override {
+    StereoPair pair = source_.Read(index);
+    spoil_(index, pair);
+    return pair;
+  }
+
+ private:
+  const SyntheticSequence& source_;
+  std::function<void(int, StereoPair&)> spoil_;
+};
+
+class BrokenDetector : public FeatureDetector {
+ public:
+  Detections Detect(const cv::Mat&, const cv::Mat&, int) override {
+    throw std::runtime_error("the detector broke");
+  }
+  int descriptor_size() const override { return 64; }
+};
+
+PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr) {
+  const StereoRectifier rectifier(sequence.rig());
+  SyntheticDetector left, right;
+  SyntheticMatcher matcher;
+  StageTimes times;
+  return RunPipeline(sequence, rectifier, {}, {left, right, matcher}, recorder, {}, times);
+}
+
+SyntheticSequenceOptions Options(int frames) {
+  SyntheticSequenceOptions options;
+  options.frames = frames;
+  return options;
+}
+
+// Root mean square of position errors after moving the first pose onto the truth's.
+double PositionError(const Trajectory& estimate, const Trajectory& truth) {
+  const Rigid3 align = truth[0].world_from_body * estimate[0].world_from_body.Inverse();
+  double squares = 0;
+  for (std::size_t i = 0; i < estimate.size(); ++i) {
+    squares += (align * estimate[i].world_from_body.translation -
+                truth[i].world_from_body.translation)
+                   .squaredNorm();
+  }
+  return std::sqrt(squares / static_cast<double>(estimate.size()));
+}
+
+TEST(Pipeline, TracksEveryFrameOfTheSyntheticWorld) {
+  const SyntheticSequence sequence(Options(40));
+  const PipelineResult result = RunOn(sequence);
+  ASSERT_EQ(result.records.size(), 40u);
+  EXPECT_EQ(result.records[0].state, FrameState::kInitialized);
+  for (std::size_t i = 1; i < 40; ++i) {
+    EXPECT_EQ(result.records[i].state, FrameState::kTracked) << i;
+  }
+  EXPECT_LT(PositionError(FinalTrajectory(result, 0), sequence.ground_truth()), 0.05);
+  EXPECT_GT(result.map.keyframes.size(), 2u);
+  EXPECT_LT(result.map.keyframes.size(), 40u);
+}
+
+TEST(Pipeline, RepeatsBitByBit) {
+  const SyntheticSequence sequence(Options(25));
+  const std::filesystem::path folder =
+      std::filesystem::path(::testing::TempDir()) / "airslam_pipeline_repeats";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  std::vector<std::string> digests;
+  std::vector<Trajectory> online, final;
+  for (const char* name : {"a.db", "b.db"}) {
+    const StereoRectifier rectifier(sequence.rig());
+    StageTimes times;
+    MapRecorder recorder(folder / name, MakeMapCalibration(sequence.rig(), rectifier), "stand-in",
+                         std::string(64, '0'), times);
+    const PipelineResult result = RunOn(sequence, &recorder);
+    digests.push_back(MapDigest(folder / name));
+    online.push_back(OnlineTrajectory(result, 0));
+    final.push_back(FinalTrajectory(result, 0));
+  }
+  EXPECT_EQ(digests[0], digests[1]);
+  ASSERT_EQ(final[0].size(), final[1].size());
+  for (std::size_t i = 0; i < final[0].size(); ++i) {
+    EXPECT_EQ(final[0][i].world_from_body.ToMatrix(), final[1][i].world_from_body.ToMatrix());
+    EXPECT_EQ(online[0][i].world_from_body.ToMatrix(), online[1][i].world_from_body.ToMatrix());
+  }
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Pipeline, TheRecordedMapIsTheMapInMemory) {
+  const SyntheticSequence sequence(Options(25));
+  const std::filesystem::path file =
+      std::filesystem::path(::testing::TempDir()) / "airslam_pipeline_recorded.db";
+  std::filesystem::remove(file);
+  const StereoRectifier rectifier(sequence.rig());
+  StageTimes times;
+  MapRecorder recorder(file, MakeMapCalibration(sequence.rig(), rectifier), "stand-in",
+                       std::string(64, '0'), times);
+  const PipelineResult result = RunOn(sequence, &recorder);
+  const Map map = ReadMap(file);
+  ASSERT_EQ(map.keyframes.size(), result.map.keyframes.size());
+  ASSERT_EQ(map.landmarks.size(), result.map.landmarks.size());
+  for (const auto& [id, keyframe] : result.map.keyframes) {
+    EXPECT_EQ(map.keyframes.at(id).landmarks, keyframe.landmarks);
+    EXPECT_EQ(map.keyframes.at(id).world_from_cam.translation,
+              keyframe.world_from_cam.translation);
+  }
+  for (const auto& [id, landmark] : result.map.landmarks) {
+    EXPECT_EQ(map.landmarks.at(id).point_in_world, landmark.point_in_world);
+  }
+  std::filesystem::remove(file);
+}
+
+TEST(Pipeline, SkipsABrokenFrame) {
+  const SyntheticSequence source(Options(8));
+  const SpoiltSequence sequence(source, [](int index, StereoPair&) {
+    if (index == 4) Fail("image 4 is broken");
+  });
+  const PipelineResult result = RunOn(sequence);
+  EXPECT_EQ(result.records[4].state, FrameState::kSkipped);
+  EXPECT_EQ(result.records[5].state, FrameState::kTracked);
+  EXPECT_EQ(FinalTrajectory(result, 0).size(), 7u);
+}
+
+TEST(Pipeline, RecoversAfterAShortBlackout) {
+  const SyntheticSequence source(Options(12));
+  const SpoiltSequence sequence(source, [](int index, StereoPair& pair) {
+    if (index == 6 || index == 7) pair.left.setTo(0);
+  });
+  const PipelineResult result = RunOn(sequence);
+  EXPECT_EQ(result.records[6].state, FrameState::kLost);
+  EXPECT_EQ(result.records[7].state, FrameState::kLost);
+  EXPECT_FALSE(result.records[7].has_pose());
+  for (int i = 8; i < 12; ++i) EXPECT_EQ(result.records[i].component, 0) << i;
+  EXPECT_EQ(FinalTrajectory(result, 0).size(), 10u);
+}
+
+TEST(Pipeline, StartsANewComponentAndSavesTheLargest) {
+  const SyntheticSequence source(Options(16));
+  // After the dark the camera has been carried elsewhere: nothing matches the old keyframes.
+  SyntheticSequenceOptions elsewhere = Options(16);
+  elsewhere.trajectory = SyntheticTrajectory::Forward();
+  elsewhere.world.seed = 99;
+  const SyntheticSequence other(elsewhere);
+  const SpoiltSequence sequence(source, [&](int index, StereoPair& pair) {
+    if (index >= 5) pair = other.Read(index);
+  });
+  const PipelineResult result = RunOn(sequence);
+  EXPECT_EQ(result.records[4].component, 0);
+  EXPECT_FALSE(result.records[5].has_pose());
+  EXPECT_EQ(result.records[15].component, 1);
+  EXPECT_EQ(LargestComponent(result), 1);
+  const Trajectory trajectory = FinalTrajectory(result, 1);
+  EXPECT_EQ(trajectory.back().timestamp_ns, source.timestamp_ns(15));
+  EXPECT_GT(trajectory.front().timestamp_ns, source.timestamp_ns(5));
+}
+
+TEST(Pipeline, AStageThatThrowsEndsTheRun) {
+  const SyntheticSequence sequence(Options(8));
+  const StereoRectifier rectifier(sequence.rig());
+  BrokenDetector broken;
+  SyntheticDetector works;
+  SyntheticMatcher matcher;
+  StageTimes times;
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
+      std::runtime_error);
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
+      std::runtime_error);
+}
+
+TEST(Pipeline, FramesHangOnKeyframesThatExist) {
+  const PipelineResult result = RunOn(SyntheticSequence(Options(20)));
+  std::set<std::int64_t> keyframe_times;
+  for (const auto& [id, keyframe] : result.map.keyframes) {
+    keyframe_times.insert(keyframe.timestamp_ns);
+    for (LandmarkId landmark : keyframe.landmarks) {
+      EXPECT_TRUE(landmark == kNoLandmark || result.map.landmarks.contains(landmark));
+    }
+  }
+  for (const FrameRecord& record : result.records) {
+    EXPECT_TRUE(result.map.keyframes.contains(record.reference));
+    EXPECT_EQ(record.is_keyframe, keyframe_times.contains(record.timestamp_ns));
+  }
+}
+
+}  // namespace
+}  // namespace airslam
