@@ -261,14 +261,16 @@ def draw_map(file: Path, content: MapContent, result: Comparison | None, estimat
     everything = np.concatenate([path, points])
     i, j = plan_axes(everything)
     height = 3 - i - j
-    figure, axes = plt.subplots(figsize=(10, 8), dpi=110, layout="constrained")
+    extent = np.ptp(everything, axis=0)
+    size = (8.5, float(np.clip(7.5 * extent[j] / extent[i], 4, 10)))
+    figure, axes = plt.subplots(figsize=size, dpi=110, layout="constrained")
     # What lies lowest first, so that tops of shelves are not hidden by the floor.
     points = points[np.argsort(points[:, height])]
     dots = axes.scatter(points[:, i], points[:, j], c=points[:, height], s=4.0, cmap="viridis",
                         linewidths=0)
     axes.plot(path[:, i], path[:, j], color=ESTIMATE, linewidth=1.5, label="path")
-    axes.plot(keyframes[:, i], keyframes[:, j], "o", color=ESTIMATE, markersize=4,
-              markeredgecolor="white", markeredgewidth=0.6, label=f"keyframes ({len(keyframes)})")
+    axes.plot(keyframes[:, i], keyframes[:, j], "o", color=ESTIMATE, markersize=3.5,
+              markeredgecolor="white", markeredgewidth=0.5, label=f"keyframes ({len(keyframes)})")
     axes.set_aspect("equal", adjustable="datalim")
     _tidy(axes, f"map from above: {len(content.landmarks)} landmarks", f"{'xyz'[i]} [m]",
           f"{'xyz'[j]} [m]")
