@@ -105,6 +105,25 @@ TEST(EvaluateTrajectory, StatisticsAreThoseOfTheDistances) {
   EXPECT_NEAR(EvaluateTrajectory(path, estimate, options).position.median, 2, 1e-12);
 }
 
+TEST(EvaluateTrajectory, RelativeErrorsRunFromEveryDeltathPoseToTheNext) {
+  const Trajectory path = Path(100, 10);
+  Trajectory estimate = path;
+  // A jump of 0.3 m before pose 7, of 0.1 rad before pose 50: each falls into one step of five.
+  for (int i = 7; i < 100; ++i) estimate[i].world_from_body.translation.z() += 0.3;
+  for (int i = 50; i < 100; ++i) {
+    Eigen::Quaterniond& rotation = estimate[i].world_from_body.rotation;
+    rotation = ExpSO3({0.1, 0, 0}) * rotation;  // of the world
+  }
+  EvaluationOptions options;
+  options.alignment = TrajectoryAlignment::kNone;
+  options.rpe_delta = 5;
+  const TrajectoryErrors errors = EvaluateTrajectory(path, estimate, options);
+  EXPECT_EQ(errors.relative_translation.count, 19);
+  EXPECT_NEAR(errors.relative_translation.max, 0.3, 1e-9);
+  EXPECT_NEAR(errors.relative_rotation.max, 0.1, 1e-9);
+  EXPECT_NEAR(errors.relative_rotation.mean, 0.1 / 19, 1e-9);
+}
+
 TEST(AssociateByTime, TakesTheNearestWithinTheTolerance) {
   Trajectory dense(5), sparse(3);
   for (int i = 0; i < 5; ++i) dense[i].timestamp_ns = 100 + 10 * i;  // 100 ... 140
