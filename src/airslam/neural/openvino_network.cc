@@ -14,6 +14,10 @@ namespace airslam {
 namespace {
 
 ov::Core& Core() {
+#if defined(__SANITIZE_ADDRESS__)
+  // Else the TBB that OpenVINO brings loads a library in a way that AddressSanitizer refuses.
+  setenv("TBB_ENABLE_SANITIZERS", "1", 0);
+#endif
   static ov::Core core;
   return core;
 }
@@ -87,6 +91,10 @@ bool IsWritableFolder(const std::filesystem::path& folder) {
 
 std::shared_ptr<ov::Model> ReadModel(const std::string& file) {
   if (!std::filesystem::is_regular_file(file)) Fail("{}: no such network file", file);
+  const std::string ending = std::filesystem::path(file).extension().string();
+  if (ending != ".onnx" && ending != ".xml") {  // OpenVINO would try every format that it knows
+    Fail("{}: not a network: expected a file that ends in .onnx or .xml", file);
+  }
   try {
     return Core().read_model(file);
   } catch (const std::exception& error) {

@@ -123,7 +123,7 @@ TEST(OpenVinoNetwork, SaysWhyAFileDoesNotLoad) {
   EXPECT_THAT(ErrorOf([] { LoadOpenVinoNetwork("/no/net.onnx", {}, Plain()); }),
               HasSubstr("/no/net.onnx: no such network file"));
   EXPECT_THAT(ErrorOf([] { LoadOpenVinoNetwork(kData + "/pack/manifest.json", {}, Plain()); }),
-              HasSubstr("manifest.json: not a network that OpenVINO can read"));
+              HasSubstr("manifest.json: not a network: expected a file that ends in .onnx"));
   EXPECT_THAT(ErrorOf([] { LoadOpenVinoNetwork(kData + "/integers.onnx", {}, Plain()); }),
               HasSubstr("'x' holds i64, expected f32"));
   EXPECT_THAT(ErrorOf([] {
