@@ -22,10 +22,13 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def learning_rate(step: int, c: dict) -> float:
-    """Linear warm-up, then half a cosine down to the final rate."""
+    """Linear warm-up, a long plateau, then half a cosine down to the final rate from `decay_from` to `steps`.
+
+    The plateau lets the length of a run be decided while it runs: on a shared machine its speed is not known before.
+    """
     if step < c["warmup"]:
         return c["learning_rate"] * (step + 1) / c["warmup"]
-    t = min(1.0, (step - c["warmup"]) / max(1, c["steps"] - c["warmup"]))
+    t = min(1.0, max(0.0, (step - c["decay_from"]) / max(1, c["steps"] - c["decay_from"])))
     low = c["final_learning_rate"]
     return low + 0.5 * (c["learning_rate"] - low) * (1 + math.cos(math.pi * t))
 

@@ -112,8 +112,8 @@ def _photo_texture(rng: np.random.Generator, files: list[Path]) -> np.ndarray:
 
 
 def make_textures(rng: np.random.Generator, files: list[Path], count: int = 20) -> list[np.ndarray]:
-    """Mip levels of `count` textures (half photos), albedo 0..1: a list of T x s x s arrays."""
-    level = np.stack([_photo_texture(rng, files) if i % 2 else _pattern(rng) for i in range(count)]).astype(F32)
+    """Mip levels of `count` textures (half photos, if there are any), albedo 0..1: a list of T x s x s arrays."""
+    level = np.stack([_photo_texture(rng, files) if files and i % 2 else _pattern(rng) for i in range(count)]).astype(F32)
     mips = [np.clip(level, 5, 250) / 255]
     while mips[-1].shape[1] > 8:
         m = mips[-1]
