@@ -230,10 +230,9 @@ bool SyntheticWorld::Visible(const Eigen::Vector3d& eye,
   return !hit || hit->distance > length - kOnSurface;
 }
 
-std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world,
-                                            const DistortedCamera& camera,
-                                            const Rigid3& world_from_cam, double pixel_noise,
-                                            std::mt19937& random) {
+std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world, const DistortedCamera& camera,
+                                        const Rigid3& world_from_cam, double pixel_noise,
+                                        std::mt19937& random) {
   const Rigid3 cam_from_world = world_from_cam.Inverse();
   std::vector<VisiblePoint> observations;
   for (std::size_t i = 0; i < world.points().size(); ++i) {

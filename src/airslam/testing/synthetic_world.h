@@ -109,10 +109,9 @@ struct SegmentObservation {
 
 // The points that a camera sees, in order of their index. Occlusion and the image's border count.
 // pixel_noise: standard deviation in pixels, drawn from `random`.
-std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world,
-                                            const DistortedCamera& camera,
-                                            const Rigid3& world_from_cam, double pixel_noise,
-                                            std::mt19937& random);
+std::vector<VisiblePoint> ObservePoints(const SyntheticWorld& world, const DistortedCamera& camera,
+                                        const Rigid3& world_from_cam, double pixel_noise,
+                                        std::mt19937& random);
 
 // Likewise the segments of which a stretch of at least `min_pixels` between its ends is visible.
 std::vector<SegmentObservation> ObserveSegments(const SyntheticWorld& world,
