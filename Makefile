@@ -19,7 +19,7 @@ SHELL := /bin/bash
 
 CTEST := ctest --output-on-failure -j$(JOBS)
 # Debug for its assertions (Eigen's too), optimised so that the tests still end in minutes.
-CHECKED := -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O2 -g1"
+CHECKED := -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1"
 # ThreadSanitizer needs a memory layout without much randomness where the kernel allows to ask.
 FIXED_LAYOUT := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 
