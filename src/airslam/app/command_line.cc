@@ -13,6 +13,10 @@ int RunCommandLine(int argc, char** argv) {
   CLI::App app("AirSLAM: point-line visual SLAM for robots in changing light", "airslam");
   app.require_subcommand(1);
   app.set_version_flag("--version", "airslam 0.1.0");
+  AddMapCommand(app);
+  AddInfoCommand(app);
+  AddFeaturesCommand(app);
+  AddEvalCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

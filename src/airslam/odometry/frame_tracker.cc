@@ -100,46 +100,100 @@ PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
     constraints.push_back({{points[i].x, points[i].y, points[i].z},
                            PointObservation{{pixels[i].x, pixels[i].y}, -1, 1.0}});
   }
-  return OptimizePose(map_.stereo(), constraints, cam_from_world.Inverse(), {});
+  return OptimizePose(map_.stereo(), constraints, cam_from_world.Inverse(), {}, {});
 }
 
-PatchAlignment FrameTracker::Seek(const cv::Mat& image, const Rigid3& world_from_cam,
-                                  LandmarkId landmark, const KeypointRef& reference) const {
+std::optional<FrameTracker::Found> FrameTracker::Seek(const ImagePyramid& image,
+                                                      const Rigid3& world_from_cam,
+                                                      LandmarkId landmark,
+                                                      const KeypointRef& source, int first,
+                                                      int last) const {
   const Pinhole& camera = map_.stereo().camera;
   const Eigen::Vector3d& point_in_world = map_.map().landmarks.at(landmark).point_in_world;
-  const Eigen::Vector3d point_in_cam = world_from_cam.Inverse() * point_in_world;
-  if (point_in_cam.z() < kMinDepth) return {};
+  const Rigid3 cam_from_world = world_from_cam.Inverse();
+  const Eigen::Vector3d point_in_cam = cam_from_world * point_in_world;
+  if (point_in_cam.z() < kMinDepth) return std::nullopt;
   const Eigen::Vector2d expected = camera.Project(point_in_cam);
-  if (!camera.Contains(expected, 6)) return {};
+  if (!camera.Contains(expected)) return std::nullopt;
 
-  const Keyframe& keyframe = map_.map().keyframes.at(reference.keyframe);
-  const Keypoint& keypoint = keyframe.keypoints[reference.index];
+  const Keyframe& keyframe = map_.map().keyframes.at(source.keyframe);
+  const Keypoint& keypoint = keyframe.keypoints[source.index];
   const Eigen::Vector2d pixel(keypoint.x, keypoint.y);
   const double depth = (keyframe.world_from_cam.Inverse() * point_in_world).z();
-  if (depth < kMinDepth) return {};
+  if (depth < kMinDepth) return std::nullopt;
   const Eigen::Matrix2d warp =
-      LocalWarp(camera, pixel, depth, world_from_cam.Inverse() * keyframe.world_from_cam);
+      LocalWarp(camera, pixel, depth, cam_from_world * keyframe.world_from_cam);
   PatchAlignmentOptions alignment;
   alignment.min_correlation = options_.min_correlation;
-  return AlignPatch(map_.image(reference.keyframe), pixel, warp, image, expected, alignment);
+  const ImagePyramid& source_image = map_.image(source.keyframe);
+  for (int level = first; level <= last; ++level) {
+    const double scale = 1 << level;
+    const PatchAlignment aligned =
+        AlignPatch(source_image.levels[level], pixel / scale, warp, image.levels[level],
+                   expected / scale, alignment);
+    if (aligned.converged) return Found{aligned.pixel * scale, options_.pixel_sigma * scale};
+  }
+  return std::nullopt;
+}
+
+PoseOptimizationResult FrameTracker::PoseFromCoarsePatches(const FrameView& frame,
+                                                           const Keyframe& keyframe,
+                                                           const PosePrior& prediction) const {
+  std::vector<PointConstraint> constraints;
+  for (LandmarkId landmark : keyframe.landmarks) {
+    if (landmark == kNoLandmark) continue;
+    const KeypointRef source = map_.Source(landmark);
+    if (source.keyframe < 0) continue;
+    constexpr int kCoarsest = ImagePyramid::kLevels - 1;
+    if (const auto found =
+            Seek(frame.image, prediction.world_from_cam, landmark, source, kCoarsest, kCoarsest)) {
+      constraints.push_back({map_.map().landmarks.at(landmark).point_in_world,
+                             PointObservation{found->pixel, -1, found->sigma}});
+    }
+  }
+  return OptimizePose(map_.stereo(), constraints, prediction.world_from_cam, prediction, {});
 }
 
 std::optional<TrackedFrame> FrameTracker::AlignAndOptimize(const FrameView& frame,
                                                            const Keyframe& keyframe,
-                                                           const Rigid3& world_from_cam) const {
+                                                           const Rigid3& world_from_cam,
+                                                           const std::optional<PosePrior>& prior)
+    const {
+  auto fine = AlignAtLevels(frame, keyframe, world_from_cam, prior, 0);
+  if (fine && static_cast<int>(fine->points.size()) >= options_.coarse_below) return fine;
+  const Rigid3& start = fine ? fine->world_from_cam : world_from_cam;
+  auto coarse = AlignAtLevels(frame, keyframe, start, prior, 1);
+  return coarse ? coarse : fine;
+}
+
+std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
+                                                        const Keyframe& keyframe,
+                                                        const Rigid3& world_from_cam,
+                                                        const std::optional<PosePrior>& prior,
+                                                        int last_level) const {
   std::vector<TrackedPoint> candidates;
   std::vector<PointConstraint> constraints;
   for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
     const LandmarkId landmark = keyframe.landmarks[i];
     if (landmark == kNoLandmark) continue;
-    const int index = static_cast<int>(i);
-    const PatchAlignment found = Seek(frame.image, world_from_cam, landmark, {keyframe.id, index});
-    if (!found.converged) continue;
-    candidates.push_back({index, landmark, found.pixel});
+    const KeypointRef own{keyframe.id, static_cast<int>(i)};
+    const KeypointRef source = map_.Source(landmark);
+    std::optional<Found> found;
+    bool by_source = false;
+    if (source.keyframe >= 0) {
+      found = Seek(frame.image, world_from_cam, landmark, source, 0, last_level);
+      by_source = found.has_value();
+    }
+    if (!found && source.keyframe != own.keyframe) {
+      found = Seek(frame.image, world_from_cam, landmark, own, 0, last_level);
+    }
+    if (!found) continue;
+    candidates.push_back({own.index, landmark, found->pixel, by_source});
     constraints.push_back({map_.map().landmarks.at(landmark).point_in_world,
-                           PointObservation{found.pixel, -1, options_.pixel_sigma}});
+                           PointObservation{found->pixel, -1, found->sigma}});
   }
-  const PoseOptimizationResult pose = OptimizePose(map_.stereo(), constraints, world_from_cam, {});
+  const PoseOptimizationResult pose =
+      OptimizePose(map_.stereo(), constraints, world_from_cam, prior, {});
   if (pose.inliers < options_.min_tracked) return std::nullopt;
 
   TrackedFrame result;
@@ -157,18 +211,25 @@ std::optional<TrackedFrame> FrameTracker::AlignAndOptimize(const FrameView& fram
 }
 
 std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Keyframe& keyframe,
-                                                const Rigid3& predicted_world_from_cam) const {
-  const PoseOptimizationResult guided = PoseFromMatches(
-      frame, keyframe, MatchNearPrediction(frame, keyframe, predicted_world_from_cam));
-  if (guided.inliers >= options_.min_guided_inliers) {
-    if (auto tracked = AlignAndOptimize(frame, keyframe, guided.world_from_cam)) return tracked;
+                                                const PosePrior& prediction) const {
+  PoseOptimizationResult best = PoseFromMatches(
+      frame, keyframe, MatchNearPrediction(frame, keyframe, prediction.world_from_cam));
+  const bool ask_matcher = best.inliers < options_.min_guided_inliers;
+  if (ask_matcher) {
+    PoseOptimizationResult learned =
+        PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
+    if (learned.inliers > best.inliers) best = std::move(learned);
   }
-  const PoseOptimizationResult learned =
-      PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
-  const PoseOptimizationResult& better = learned.inliers > guided.inliers ? learned : guided;
-  if (better.inliers < options_.min_tracked) return std::nullopt;
-  auto tracked = AlignAndOptimize(frame, keyframe, better.world_from_cam);
-  if (tracked) tracked->used_matcher = true;
+  std::optional<TrackedFrame> tracked;
+  if (best.inliers >= options_.min_tracked) {
+    tracked = AlignAndOptimize(frame, keyframe, best.world_from_cam, prediction);
+  }
+  if (!tracked) {
+    best = PoseFromCoarsePatches(frame, keyframe, prediction);
+    if (best.inliers < options_.min_tracked) return std::nullopt;
+    tracked = AlignAndOptimize(frame, keyframe, best.world_from_cam, prediction);
+  }
+  if (tracked) tracked->used_matcher = ask_matcher;
   return tracked;
 }
 
@@ -178,7 +239,7 @@ std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
   const PoseOptimizationResult pose =
       PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
   if (pose.inliers < min_inliers) return std::nullopt;
-  auto tracked = AlignAndOptimize(frame, keyframe, pose.world_from_cam);
+  auto tracked = AlignAndOptimize(frame, keyframe, pose.world_from_cam, {});
   if (tracked) tracked->used_matcher = true;
   return tracked;
 }

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "airslam/feature/image_pyramid.h"
 #include "airslam/feature/keypoint_grid.h"
 #include "airslam/map/keyframe.h"
 #include "airslam/neural/feature_matcher.h"
@@ -19,6 +20,7 @@ struct TrackedPoint {
   int keyframe_index = -1;  // keypoint of the keyframe
   LandmarkId landmark = kNoLandmark;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  bool by_source = true;  // aligned to the patch that defines the landmark
 };
 
 // Pose of a frame with the points that hold it.
@@ -33,7 +35,7 @@ struct TrackedFrame {
 
 // The current frame as the tracker sees it.
 struct FrameView {
-  const cv::Mat& image;  // rectified left, CV_8UC1
+  const ImagePyramid& image;  // rectified left
   const Detections& features;
   const KeypointGrid& grid;
 };
@@ -41,7 +43,8 @@ struct FrameView {
 // Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D): features
 // near their predicted place by descriptor, the learned matcher where these fall short, PnP-RANSAC,
 // motion-only optimization; then every landmark of the keyframe is sought at its place under that
-// pose and aligned to sub-pixel accuracy, and the pose optimized once more. Holds no state.
+// pose and aligned to sub-pixel accuracy, and the pose optimized once more. Where no features agree,
+// in sudden darkness say, coarse patches around the predicted pose serve instead. Holds no state.
 class FrameTracker {
  public:
   FrameTracker(const TrackingOptions& options, const LocalMap& map, FeatureMatcher& matcher)
@@ -49,16 +52,23 @@ class FrameTracker {
 
   // Tracks against `keyframe`, starting at the predicted pose. Nothing when too few points agree.
   std::optional<TrackedFrame> Track(const FrameView& frame, const Keyframe& keyframe,
-                                    const Rigid3& predicted_world_from_cam) const;
+                                    const PosePrior& prediction) const;
 
   // Finds the frame's pose from the learned matcher alone, without a prediction.
   std::optional<TrackedFrame> Relocate(const FrameView& frame, const Keyframe& keyframe,
                                        int min_inliers) const;
 
-  // Seeks a landmark at its place under `world_from_cam`, by the patch of `reference`.
-  // Not converged when it is out of sight or looks different.
-  PatchAlignment Seek(const cv::Mat& image, const Rigid3& world_from_cam, LandmarkId landmark,
-                      const KeypointRef& reference) const;
+  // A landmark's patch found in an image.
+  struct Found {
+    Eigen::Vector2d pixel;
+    double sigma;  // standard deviation in pixels
+  };
+  // Seeks a landmark at its place under `world_from_cam`, by the patch of `source`, first at the
+  // pyramid's level `first`, then at coarser ones up to `last`, where noise is weaker. Nothing when
+  // it is out of sight or looks different.
+  std::optional<Found> Seek(const ImagePyramid& image, const Rigid3& world_from_cam,
+                            LandmarkId landmark, const KeypointRef& source, int first,
+                            int last) const;
 
  private:
   std::vector<Match> MatchNearPrediction(const FrameView& frame, const Keyframe& keyframe,
@@ -66,8 +76,15 @@ class FrameTracker {
   std::vector<Match> MatchLearned(const FrameView& frame, const Keyframe& keyframe) const;
   PoseOptimizationResult PoseFromMatches(const FrameView& frame, const Keyframe& keyframe,
                                          const std::vector<Match>& matches) const;
+  PoseOptimizationResult PoseFromCoarsePatches(const FrameView& frame, const Keyframe& keyframe,
+                                               const PosePrior& prediction) const;
   std::optional<TrackedFrame> AlignAndOptimize(const FrameView& frame, const Keyframe& keyframe,
-                                               const Rigid3& world_from_cam) const;
+                                               const Rigid3& world_from_cam,
+                                               const std::optional<PosePrior>& prior) const;
+  std::optional<TrackedFrame> AlignAtLevels(const FrameView& frame, const Keyframe& keyframe,
+                                            const Rigid3& world_from_cam,
+                                            const std::optional<PosePrior>& prior,
+                                            int last_level) const;
 
   const TrackingOptions& options_;
   const LocalMap& map_;

@@ -10,6 +10,7 @@ struct KeyframeBuilder::Claim {
   LandmarkId landmark;
   Eigen::Vector2d pixel;
   KeypointRef source;  // whose descriptor stands in where no keypoint was detected
+  bool by_source;      // aligned to the patch that defines the landmark
 };
 
 std::vector<KeyframeBuilder::Claim> KeyframeBuilder::ClaimLandmarks(
@@ -17,37 +18,29 @@ std::vector<KeyframeBuilder::Claim> KeyframeBuilder::ClaimLandmarks(
   std::vector<Claim> claims;
   std::set<LandmarkId> taken;
   for (const TrackedPoint& point : tracked.points) {
-    // The patch that defined the landmark keeps the track free of drift; where it has become too
-    // different, the one of the keyframe tracked against serves.
-    Claim claim{point.landmark, point.pixel, {tracked.keyframe, point.keyframe_index}};
-    const KeypointRef reference = map_.Reference(point.landmark);
-    if (reference.keyframe >= 0 && reference.keyframe != tracked.keyframe) {
-      const PatchAlignment aligned =
-          tracker_.Seek(frame.image, tracked.world_from_cam, point.landmark, reference);
-      if (aligned.converged && (aligned.pixel - point.pixel).norm() < 1.5) {
-        claim.pixel = aligned.pixel;
-      }
-    }
-    claims.push_back(claim);
+    claims.push_back({point.landmark, point.pixel, {tracked.keyframe, point.keyframe_index},
+                      point.by_source});
     taken.insert(point.landmark);
   }
   // Landmarks of earlier keyframes that the last one did not hold may be in sight again.
   for (KeyframeId id : map_.window()) {
     for (LandmarkId landmark : map_.map().keyframes.at(id).landmarks) {
       if (landmark == kNoLandmark || !taken.insert(landmark).second) continue;
-      const KeypointRef reference = map_.Reference(landmark);
-      if (reference.keyframe < 0) continue;
-      const PatchAlignment aligned =
-          tracker_.Seek(frame.image, tracked.world_from_cam, landmark, reference);
-      if (aligned.converged) claims.push_back({landmark, aligned.pixel, reference});
+      const KeypointRef source = map_.Source(landmark);
+      if (source.keyframe < 0) continue;
+      if (const auto found =
+              tracker_.Seek(frame.image, tracked.world_from_cam, landmark, source, 0, 0)) {
+        claims.push_back({landmark, found->pixel, source, true});
+      }
     }
   }
   return claims;
 }
 
-Keyframe KeyframeBuilder::FromDetections(const FrameView& frame, std::int64_t timestamp_ns,
-                                         int component, const Rigid3& world_from_cam) const {
-  Keyframe keyframe;
+KeyframeDraft KeyframeBuilder::FromDetections(const FrameView& frame, std::int64_t timestamp_ns,
+                                              int component, const Rigid3& world_from_cam) const {
+  KeyframeDraft draft;
+  Keyframe& keyframe = draft.keyframe;
   keyframe.id = map_.next_keyframe_id();
   keyframe.timestamp_ns = timestamp_ns;
   keyframe.component = component;
@@ -56,48 +49,54 @@ Keyframe KeyframeBuilder::FromDetections(const FrameView& frame, std::int64_t ti
   keyframe.descriptors = frame.features.descriptors;
   keyframe.landmarks.assign(keyframe.keypoints.size(), kNoLandmark);
   keyframe.right_x.assign(keyframe.keypoints.size(), -1.0f);
-  return keyframe;
+  return draft;
 }
 
-Keyframe KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
-                                      const TrackedFrame& tracked) const {
-  Keyframe keyframe =
-      FromDetections(frame, timestamp_ns, map_.last().component, tracked.world_from_cam);
-  const int detected = static_cast<int>(keyframe.keypoints.size());
-  std::vector<Claim> without_keypoint;
-  for (const Claim& claim : ClaimLandmarks(frame, tracked)) {
-    constexpr double kSamePlace = 2.5;  // pixels
-    int nearest = -1;
-    double nearest_distance = kSamePlace;
-    frame.grid.VisitNear(claim.pixel, kSamePlace, [&](int index) {
-      const Keypoint& k = frame.features.keypoints[index];
-      const double distance = (Eigen::Vector2d(k.x, k.y) - claim.pixel).norm();
-      if (keyframe.landmarks[index] == kNoLandmark && distance < nearest_distance) {
-        nearest = index;
-        nearest_distance = distance;
-      }
-    });
-    if (nearest < 0) {
-      without_keypoint.push_back(claim);
-      continue;
+// The free keypoint nearest to `pixel`, or -1 when none lies close by.
+int KeyframeBuilder::FreeKeypointAt(const FrameView& frame, const Keyframe& keyframe,
+                                    const Eigen::Vector2d& pixel) {
+  constexpr double kSamePlace = 2.5;  // pixels
+  int nearest = -1;
+  double nearest_distance = kSamePlace;
+  frame.grid.VisitNear(pixel, kSamePlace, [&](int index) {
+    const Keypoint& k = frame.features.keypoints[index];
+    const double distance = (Eigen::Vector2d(k.x, k.y) - pixel).norm();
+    if (keyframe.landmarks[index] == kNoLandmark && distance < nearest_distance) {
+      nearest = index;
+      nearest_distance = distance;
     }
-    keyframe.landmarks[nearest] = claim.landmark;
-    keyframe.keypoints[nearest].x = static_cast<float>(claim.pixel.x());
-    keyframe.keypoints[nearest].y = static_cast<float>(claim.pixel.y());
+  });
+  return nearest;
+}
+
+KeyframeDraft KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
+                                           const TrackedFrame& tracked) const {
+  KeyframeDraft draft =
+      FromDetections(frame, timestamp_ns, map_.last().component, tracked.world_from_cam);
+  Keyframe& keyframe = draft.keyframe;
+  const std::vector<Claim> claims = ClaimLandmarks(frame, tracked);
+  const int detected = static_cast<int>(keyframe.keypoints.size());
+  keyframe.descriptors.conservativeResize(detected + static_cast<int>(claims.size()),
+                                          Eigen::NoChange);
+  for (const Claim& claim : claims) {
+    int index = FreeKeypointAt(frame, keyframe, claim.pixel);
+    if (index < 0) {
+      // Nothing was detected there: the keypoint and its descriptor come from another keyframe.
+      const Keyframe& source = map_.map().keyframes.at(claim.source.keyframe);
+      index = static_cast<int>(keyframe.keypoints.size());
+      keyframe.descriptors.row(index) = source.descriptors.row(claim.source.index);
+      keyframe.keypoints.push_back(source.keypoints[claim.source.index]);
+      keyframe.landmarks.push_back(kNoLandmark);
+    }
+    keyframe.landmarks[index] = claim.landmark;
+    keyframe.keypoints[index].x = static_cast<float>(claim.pixel.x());
+    keyframe.keypoints[index].y = static_cast<float>(claim.pixel.y());
+    if (!claim.by_source) draft.redefining.push_back(index);
   }
-  const int total = detected + static_cast<int>(without_keypoint.size());
-  keyframe.descriptors.conservativeResize(total, Eigen::NoChange);
-  for (const Claim& claim : without_keypoint) {
-    const Keyframe& source = map_.map().keyframes.at(claim.source.keyframe);
-    keyframe.descriptors.row(static_cast<int>(keyframe.keypoints.size())) =
-        source.descriptors.row(claim.source.index);
-    keyframe.keypoints.push_back({static_cast<float>(claim.pixel.x()),
-                                  static_cast<float>(claim.pixel.y()),
-                                  source.keypoints[claim.source.index].score});
-    keyframe.landmarks.push_back(claim.landmark);
-  }
-  keyframe.right_x.assign(total, -1.0f);
-  return keyframe;
+  keyframe.descriptors.conservativeResize(static_cast<int>(keyframe.keypoints.size()),
+                                          Eigen::NoChange);
+  keyframe.right_x.assign(keyframe.keypoints.size(), -1.0f);
+  return draft;
 }
 
 void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_image,
@@ -114,7 +113,7 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_im
   stereo.min_similarity = options_.tracking.min_similarity;
   stereo.alignment.min_correlation = options_.tracking.min_correlation;
   keyframe.right_x = MatchStereo(
-      {frame.image, right_image, keyframe.keypoints, keyframe.descriptors, right}, map_.stereo(),
+      {frame.image.full(), right_image, keyframe.keypoints, keyframe.descriptors, right}, map_.stereo(),
       expected, stereo);
 }
 

@@ -12,6 +12,14 @@
 
 namespace airslam {
 
+// A keyframe that is not in the map yet.
+struct KeyframeDraft {
+  Keyframe keyframe;
+  // Keypoints that look too different from their landmark's earlier patches: from this keyframe on
+  // they define it.
+  std::vector<int> redefining;
+};
+
 // Turns a tracked frame into a keyframe of the map: its keypoints take over the landmarks that were
 // tracked or seen again, the right image gives depth, and what has depth but no landmark becomes a
 // new one (paper, sections V-B and V-C).
@@ -20,12 +28,12 @@ class KeyframeBuilder {
   KeyframeBuilder(const OdometryOptions& options, const FrameTracker& tracker, LocalMap& map)
       : options_(options), tracker_(tracker), map_(map) {}
 
-  // A keyframe (not yet in the map) at `tracked`, with the landmarks of the local map that it sees.
-  Keyframe FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
+  // A keyframe at `tracked`, with the landmarks of the local map that it sees.
+  KeyframeDraft FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
                        const TrackedFrame& tracked) const;
 
   // The first keyframe of a component: no landmarks yet.
-  Keyframe FromDetections(const FrameView& frame, std::int64_t timestamp_ns, int component,
+  KeyframeDraft FromDetections(const FrameView& frame, std::int64_t timestamp_ns, int component,
                           const Rigid3& world_from_cam) const;
 
   // Fills keyframe.right_x from the right image.
@@ -37,6 +45,8 @@ class KeyframeBuilder {
 
  private:
   struct Claim;
+  static int FreeKeypointAt(const FrameView& frame, const Keyframe& keyframe,
+                            const Eigen::Vector2d& pixel);
   std::vector<Claim> ClaimLandmarks(const FrameView& frame, const TrackedFrame& tracked) const;
 
   const OdometryOptions& options_;

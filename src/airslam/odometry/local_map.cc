@@ -12,7 +12,9 @@ LocalMap::LocalMap(const MapCalibration& calibration, const LocalMapOptions& opt
   map_.calibration = calibration;
 }
 
-KeypointRef LocalMap::Reference(LandmarkId id) const {
+KeypointRef LocalMap::Source(LandmarkId id) const {
+  const auto chosen = sources_.find(id);
+  if (chosen != sources_.end() && images_.contains(chosen->second.keyframe)) return chosen->second;
   for (const KeypointRef& ref : seen_by_.at(id)) {
     if (images_.contains(ref.keyframe)) return ref;
   }
@@ -26,7 +28,7 @@ LandmarkId LocalMap::AddLandmark(const Eigen::Vector3d& point_in_world) {
   return id;
 }
 
-void LocalMap::AddKeyframe(Keyframe keyframe, const cv::Mat& left_image) {
+void LocalMap::AddKeyframe(Keyframe keyframe, const ImagePyramid& left_image) {
   const KeyframeId id = keyframe.id;
   next_keyframe_ = id + 1;
   if (!window_.empty() && last().component != keyframe.component) {
@@ -105,6 +107,7 @@ void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
   for (LandmarkId id : candidates) {
     if (!seen_by_.at(id).empty()) continue;
     seen_by_.erase(id);
+    sources_.erase(id);
     map_.landmarks.erase(id);
     update.removed_landmarks.push_back(id);
   }

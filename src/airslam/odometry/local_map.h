@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "airslam/feature/image_pyramid.h"
 #include "airslam/map/map.h"
 #include "airslam/map/map_file.h"
 #include "airslam/odometry/options.h"
@@ -46,16 +47,19 @@ class LocalMap {
   // The latest keyframes of the current component, oldest first.
   std::span<const KeyframeId> window() const { return window_; }
   // Rectified left image of a keyframe in the window.
-  const cv::Mat& image(KeyframeId id) const { return images_.at(id); }
-  // Where the landmark was first seen within the window: the patch that defines it. The keyframe is
-  // negative when none of its observers has an image any more.
-  KeypointRef Reference(LandmarkId id) const;
+  const ImagePyramid& image(KeyframeId id) const { return images_.at(id); }
+  // The patch that defines the landmark: later frames are aligned to it, so that its track does not
+  // drift. It is the first observation, unless SetSource chose a later one, within the window. The
+  // keyframe is negative when none of the landmark's observers has an image any more.
+  KeypointRef Source(LandmarkId id) const;
+  // The landmark looks too different from its earlier patches: this one defines it from now on.
+  void SetSource(LandmarkId id, const KeypointRef& source) { sources_[id] = source; }
   const std::vector<KeypointRef>& observations(LandmarkId id) const { return seen_by_.at(id); }
 
   KeyframeId next_keyframe_id() const { return next_keyframe_; }
   LandmarkId AddLandmark(const Eigen::Vector3d& point_in_world);
   // keyframe.id must be next_keyframe_id(). A keyframe of a new component empties the window.
-  void AddKeyframe(Keyframe keyframe, const cv::Mat& left_image);
+  void AddKeyframe(Keyframe keyframe, const ImagePyramid& left_image);
 
   // The bundle of the window, held by older keyframes that see the same landmarks.
   BundleJob MakeBundleJob() const;
@@ -70,8 +74,9 @@ class LocalMap {
   double pixel_sigma_;
   Map map_;
   std::map<LandmarkId, std::vector<KeypointRef>> seen_by_;  // oldest first
+  std::map<LandmarkId, KeypointRef> sources_;               // where not the first observation
   std::vector<KeyframeId> window_;
-  std::map<KeyframeId, cv::Mat> images_;
+  std::map<KeyframeId, ImagePyramid> images_;
   KeyframeId next_keyframe_ = 0;
   LandmarkId next_landmark_ = 0;
 };

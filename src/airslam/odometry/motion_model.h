@@ -5,6 +5,7 @@
 
 #include "airslam/geometry/rigid3.h"
 #include "airslam/map/keyframe.h"
+#include "airslam/optimize/pose_prior_factor.h"
 
 namespace airslam {
 
@@ -34,8 +35,9 @@ class MotionModel {
   // The keyframe that the last pose hangs on.
   KeyframeId reference() const { return reference_; }
 
-  // Pose expected at a time after the last one.
-  Rigid3 Predict(std::int64_t timestamp_ns, const Rigid3& world_from_reference) const;
+  // Pose expected at a time after the last one. Its standard deviations are those of a motion that
+  // changes by up to 10 m/s^2 and 10 rad/s^2, and very large without a velocity.
+  PosePrior Predict(std::int64_t timestamp_ns, const Rigid3& world_from_reference) const;
 
  private:
   KeyframeId reference_ = -1;

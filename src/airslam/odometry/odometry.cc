@@ -7,6 +7,14 @@
 #include <utility>
 
 namespace airslam {
+namespace {
+
+int CountLandmarks(const Keyframe& keyframe) {
+  return static_cast<int>(std::count_if(keyframe.landmarks.begin(), keyframe.landmarks.end(),
+                                        [](LandmarkId id) { return id != kNoLandmark; }));
+}
+
+}  // namespace
 
 Odometry::Odometry(const OdometryOptions& options, const StereoRectifier& rectifier,
                    const MapCalibration& calibration, FeatureDetector& right_detector,
@@ -41,7 +49,8 @@ const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
 void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
   const Pinhole& camera = map_.stereo().camera;
   const KeypointGrid grid(frame.features.keypoints, camera.width, camera.height);
-  const FrameView view{frame.left, frame.features, grid};
+  const ImagePyramid pyramid = MakePyramid(frame.left);
+  const FrameView view{pyramid, frame.features, grid};
   if (map_.empty()) return Start(frame, view, record);
 
   std::optional<TrackedFrame> tracked;
@@ -79,7 +88,11 @@ void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
     if (bundle_due_) TakeBundle();
     tracked->world_from_cam =
         map_.map().keyframes.at(record.reference).world_from_cam * record.reference_from_cam;
-    InsertKeyframe(frame, view, builder_.FromTracked(view, frame.timestamp_ns, *tracked), record);
+    KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, *tracked);
+    MatchRight(frame, view, draft.keyframe);
+    if (was_lost || IsWorthwhile(draft.keyframe, *tracked)) {
+      InsertKeyframe(frame, view, std::move(draft), record);
+    }
   }
 }
 
@@ -96,18 +109,26 @@ std::optional<TrackedFrame> Odometry::Recover(const FrameView& view) const {
 }
 
 bool Odometry::NeedsKeyframe(const TrackedFrame& tracked) const {
-  const Keyframe& last = map_.last();
-  const auto landmarks = std::count_if(last.landmarks.begin(), last.landmarks.end(),
-                                       [](LandmarkId id) { return id != kNoLandmark; });
   const int points = static_cast<int>(tracked.points.size());
   const Pinhole& camera = map_.stereo().camera;
   const double size = std::sqrt(static_cast<double>(camera.width) * camera.height);
-  return points < options_.keyframe.min_tracked_share * static_cast<double>(landmarks) ||
+  return points < options_.keyframe.min_tracked_share * CountLandmarks(map_.last()) ||
          points < options_.keyframe.min_tracked ||
          tracked.mean_parallax > options_.keyframe.max_parallax * size;
 }
 
-bool Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe) {
+// In the dark a keyframe would hold few points and noisy patches. As long as the last one carries
+// the frames, one that offers much less than it is not made.
+bool Odometry::IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const {
+  if (static_cast<int>(tracked.points.size()) < 2 * options_.tracking.min_tracked) return true;
+  int offered = 0;
+  for (std::size_t i = 0; i < keyframe.keypoints.size(); ++i) {
+    offered += keyframe.landmarks[i] != kNoLandmark || keyframe.right_x[i] >= 0;
+  }
+  return 2 * offered >= CountLandmarks(map_.last());
+}
+
+void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe) {
   const cv::Mat right = rectifier_.RectifyRight(frame.right_raw);
   Detections features;
   {
@@ -116,35 +137,36 @@ bool Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
   }
   ScopedStage stage(times_, "match stereo");
   builder_.MatchRight(view, right, features, keyframe);
-  const auto matched = std::count_if(keyframe.right_x.begin(), keyframe.right_x.end(),
-                                     [](float x) { return x >= 0; });
-  return matched >= options_.recovery.min_stereo_points;
 }
 
 void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
   if (bundle_due_) TakeBundle();
   // The body of a component's first keyframe is the origin of its world.
-  Keyframe keyframe = builder_.FromDetections(view, frame.timestamp_ns, component_ + 1,
-                                              map_.map().calibration.body_from_left);
-  if (!MatchRight(frame, view, keyframe)) return;  // not enough depth: the next frame may have it
+  KeyframeDraft draft = builder_.FromDetections(view, frame.timestamp_ns, component_ + 1,
+                                                map_.map().calibration.body_from_left);
+  const Keyframe& keyframe = draft.keyframe;
+  MatchRight(frame, view, draft.keyframe);
+  const auto matched = std::count_if(keyframe.right_x.begin(), keyframe.right_x.end(),
+                                     [](float x) { return x >= 0; });
+  if (matched < options_.recovery.min_stereo_points) return;  // the next frame may have more depth
   ++component_;
   lost_frames_ = 0;
   record.state = FrameState::kInitialized;
   record.component = component_;
-  record.reference = keyframe.id;
   record.online_world_from_cam = keyframe.world_from_cam;
   motion_ = {};
   motion_.Observe(frame.timestamp_ns, keyframe.id, {}, keyframe.world_from_cam);
-  InsertKeyframe(frame, view, std::move(keyframe), record);
-  record.tracked_points = static_cast<int>(std::count_if(
-      map_.last().landmarks.begin(), map_.last().landmarks.end(),
-      [](LandmarkId id) { return id != kNoLandmark; }));
+  InsertKeyframe(frame, view, std::move(draft), record);
+  record.tracked_points = CountLandmarks(map_.last());
 }
 
-void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view, Keyframe keyframe,
-                              FrameRecord& record) {
-  if (record.state == FrameState::kTracked) MatchRight(frame, view, keyframe);
+void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
+                              KeyframeDraft draft, FrameRecord& record) {
+  Keyframe& keyframe = draft.keyframe;
   const std::vector<LandmarkId> added = builder_.AddLandmarks(keyframe);
+  for (int index : draft.redefining) {
+    map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
+  }
   record.is_keyframe = true;
   record.reference = keyframe.id;
   record.reference_from_cam = {};
@@ -154,7 +176,7 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
     for (LandmarkId id : added) landmarks.push_back(map_.map().landmarks.at(id));
     recorder_->AddKeyframe(keyframe, std::move(landmarks));
   }
-  map_.AddKeyframe(std::move(keyframe), frame.left);
+  map_.AddKeyframe(std::move(keyframe), view.image);
   bundle_worker_.Submit(map_.MakeBundleJob());
   bundle_due_ = frame.index + options_.local_map.lag_frames;
 }

@@ -79,9 +79,10 @@ class Odometry {
   void Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
   std::optional<TrackedFrame> Recover(const FrameView& view) const;
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
-  void InsertKeyframe(const PreparedFrame& frame, const FrameView& view, Keyframe keyframe,
+  bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
+  void MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
+  void InsertKeyframe(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
                       FrameRecord& record);
-  bool MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
   void TakeBundle();
 
   const OdometryOptions options_;

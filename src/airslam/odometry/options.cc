@@ -22,6 +22,7 @@ void OdometryOptions::Validate() const {
   RequireRange("tracking.ransac_error", tracking.ransac_error, 0.1, 100.0);
   RequireRange("tracking.min_guided_inliers", tracking.min_guided_inliers, 1, 2000);
   RequireRange("tracking.min_tracked", tracking.min_tracked, 6, 2000);
+  RequireRange("tracking.coarse_below", tracking.coarse_below, 0, 2000);
   RequireRange("tracking.pixel_sigma", tracking.pixel_sigma, 0.01, 10.0);
   RequireRange("tracking.min_correlation", tracking.min_correlation, 0.01, 0.99);
   RequireRange("keyframe.min_tracked_share", keyframe.min_tracked_share, 0.01, 0.99);

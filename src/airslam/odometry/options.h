@@ -21,6 +21,9 @@ struct TrackingOptions {
   int min_guided_inliers = 40;
   // With fewer points the frame is lost, >= 6.
   int min_tracked = 15;
+  // With fewer points aligned at full resolution than this, patches at half resolution, where noise
+  // is weaker, count as well, >= 0.
+  int coarse_below = 80;
   // Standard deviation of an aligned patch's position in pixels, > 0.
   double pixel_sigma = 0.4;
   // Zero-mean normalised correlation that an aligned patch needs, in (0, 1).
@@ -33,6 +36,7 @@ struct TrackingOptions {
     v.Field("ransac_error", ransac_error);
     v.Field("min_guided_inliers", min_guided_inliers);
     v.Field("min_tracked", min_tracked);
+    v.Field("coarse_below", coarse_below);
     v.Field("pixel_sigma", pixel_sigma);
     v.Field("min_correlation", min_correlation);
   }
@@ -43,7 +47,7 @@ struct KeyframeOptions {
   // alpha_1: fewer tracked points than this share of the last keyframe's landmarks, in (0, 1).
   double min_tracked_share = 0.65;
   // alpha_2: mean parallax to the last keyframe above this share of sqrt(width * height), > 0.
-  double max_parallax = 0.06;
+  double max_parallax = 0.1;
   // N_kf: fewer tracked points than this, > 0.
   int min_tracked = 100;
   // Pixels: a new landmark keeps this distance from the tracked ones, >= 0.

@@ -61,7 +61,7 @@ TEST(OptimizePose, FindsThePoseAmongOutliers) {
     constraints.push_back({scene.points[o.point], o.seen});
   }
   const PoseOptimizationResult result =
-      OptimizePose(scene.stereo, constraints, Disturb(scene.poses[0], 0.02, 0.1), {});
+      OptimizePose(scene.stereo, constraints, Disturb(scene.poses[0], 0.02, 0.1), {}, {});
   const Rigid3 error = scene.poses[0].Inverse() * result.world_from_cam;
   EXPECT_LT(error.translation.norm(), 0.003);
   EXPECT_LT(error.Angle(), 0.0007);
@@ -71,8 +71,26 @@ TEST(OptimizePose, FindsThePoseAmongOutliers) {
   }
 }
 
+TEST(OptimizePose, APriorHoldsWhatFewPointsLeaveOpen) {
+  const Scene scene = MakeScene(1, 200, 0);
+  // Five points close together in the image.
+  std::vector<PointConstraint> constraints;
+  for (const auto& o : scene.observations) {
+    if ((o.seen.pixel - Eigen::Vector2d(400, 300)).norm() > 45) continue;
+    constraints.push_back({scene.points[o.point], {o.seen.pixel, -1, kNoise}});
+  }
+  ASSERT_GE(constraints.size(), 4u);
+  const Rigid3 start = Disturb(scene.poses[0], 0.001, 0.005);
+  const auto error = [&](const std::optional<PosePrior>& prior) {
+    const Rigid3 pose = OptimizePose(scene.stereo, constraints, start, prior, {}).world_from_cam;
+    return (pose.translation - scene.poses[0].translation).norm();
+  };
+  EXPECT_LT(error(PosePrior{start, 0.005, 0.01}), 0.015);
+  EXPECT_GT(error({}), 0.03);
+}
+
 TEST(OptimizePose, TooFewConstraintsGiveNoInliers) {
-  const PoseOptimizationResult result = OptimizePose({}, std::vector<PointConstraint>(3), {}, {});
+  const PoseOptimizationResult result = OptimizePose({}, std::vector<PointConstraint>(3), {}, {}, {});
   EXPECT_EQ(result.inliers, 0);
 }
 

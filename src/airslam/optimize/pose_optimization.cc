@@ -17,14 +17,16 @@ constexpr int kMinConstraints = 4;
 
 using Factors = std::vector<std::unique_ptr<FixedPointFactor>>;
 
-void SolveRound(const Factors& factors, const std::vector<bool>& inlier, bool robust,
-                const PoseOptimizationOptions& options, PoseParameter& pose) {
+void SolveRound(const Factors& factors, const std::vector<bool>& inlier,
+                PosePriorFactor* prior, bool robust, const PoseOptimizationOptions& options,
+                PoseParameter& pose) {
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
   ceres::HuberLoss huber(options.huber);
   problem.AddParameterBlock(pose.data(), 7, new PoseManifold);
+  if (prior != nullptr) problem.AddResidualBlock(prior, nullptr, pose.data());
   for (std::size_t i = 0; i < factors.size(); ++i) {
     if (!inlier[i]) continue;
     problem.AddResidualBlock(factors[i].get(), robust ? &huber : nullptr, pose.data());
@@ -54,6 +56,7 @@ double PixelError(const FixedPointFactor& factor, const PoseParameter& pose) {
 PoseOptimizationResult OptimizePose(const StereoCamera& stereo,
                                     const std::vector<PointConstraint>& constraints,
                                     const Rigid3& initial_world_from_cam,
+                                    const std::optional<PosePrior>& prior,
                                     const PoseOptimizationOptions& options) {
   PoseOptimizationResult result;
   result.world_from_cam = initial_world_from_cam;
@@ -66,12 +69,14 @@ PoseOptimizationResult OptimizePose(const StereoCamera& stereo,
     factors.push_back(
         std::make_unique<FixedPointFactor>(stereo, c.observation, c.point_in_world));
   }
+  const auto prior_factor = prior ? std::make_unique<PosePriorFactor>(*prior) : nullptr;
   result.inlier.assign(constraints.size(), true);
   result.inliers = static_cast<int>(constraints.size());
   PoseParameter pose = ToParameter(initial_world_from_cam);
   double squares = 0;
   for (int round = 0; round < options.rounds && result.inliers >= kMinConstraints; ++round) {
-    SolveRound(factors, result.inlier, round + 1 < options.rounds, options, pose);
+    SolveRound(factors, result.inlier, prior_factor.get(), round + 1 < options.rounds, options,
+               pose);
     result.inliers = 0;
     squares = 0;
     for (std::size_t i = 0; i < factors.size(); ++i) {

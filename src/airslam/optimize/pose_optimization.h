@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "airslam/geometry/pinhole.h"
 #include "airslam/geometry/rigid3.h"
 #include "airslam/optimize/point_factor.h"
+#include "airslam/optimize/pose_prior_factor.h"
 
 namespace airslam {
 
@@ -29,11 +31,13 @@ struct PoseOptimizationResult {
   double rms = 0;  // of the inliers' pixel distances, in sigmas
 };
 
-// Motion-only optimization with outlier rejection (paper, section V-A). Needs at least 4
-// constraints; with fewer the start is returned with no inlier. Deterministic.
+// Motion-only optimization with outlier rejection (paper, section V-A), and with a prior if there
+// is one. Needs at least 4 constraints; with fewer the start is returned with no inlier.
+// Deterministic.
 PoseOptimizationResult OptimizePose(const StereoCamera& stereo,
                                     const std::vector<PointConstraint>& constraints,
                                     const Rigid3& initial_world_from_cam,
+                                    const std::optional<PosePrior>& prior,
                                     const PoseOptimizationOptions& options);
 
 }  // namespace airslam

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/optimize/pose_prior_factor.h"
+
+#include <ceres/gradient_checker.h>
+#include <gtest/gtest.h>
+
+#include "airslam/geometry/so3.h"
+#include "airslam/optimize/pose_parameter.h"
+
+namespace airslam {
+namespace {
+
+const Rigid3 kPrior{Eigen::Quaterniond(0.8, 0.3, -0.4, 0.33), {1.0, -2.0, 0.5}};
+
+TEST(PosePriorFactor, MeasuresRotationAndPositionInSigmas) {
+  const Eigen::Vector3d turn(0.02, -0.01, 0.03), shift(0.1, 0.2, -0.3);
+  Rigid3 pose = kPrior;
+  pose.rotation = pose.rotation * ExpSO3(turn);
+  pose.translation += shift;
+  PoseParameter parameter = ToParameter(pose);
+  for (int side = 0; side < 2; ++side) {  // q and -q
+    const double* blocks[] = {parameter.data()};
+    Eigen::Matrix<double, 6, 1> residuals;
+    PosePriorFactor({kPrior, 0.1, 0.5}).Evaluate(blocks, residuals.data(), nullptr);
+    EXPECT_LT((residuals.head<3>() - turn / 0.1).norm(), 1e-3);
+    EXPECT_LT((residuals.tail<3>() - shift / 0.5).norm(), 1e-12);
+    for (int i = 0; i < 4; ++i) parameter[i] = -parameter[i];
+  }
+}
+
+TEST(PosePriorFactor, Jacobian) {
+  const PosePriorFactor factor({kPrior, 0.1, 0.5});
+  const PoseManifold manifold;
+  const std::vector<const ceres::Manifold*> manifolds = {&manifold};
+  const PoseParameter pose =
+      ToParameter(kPrior * Rigid3(ExpSO3({0.3, -0.2, 0.1}), Eigen::Vector3d(0.1, 0.2, 0.3)));
+  const double* blocks[] = {pose.data()};
+  const ceres::GradientChecker checker(&factor, &manifolds, ceres::NumericDiffOptions());
+  ceres::GradientChecker::ProbeResults results;
+  EXPECT_TRUE(checker.Probe(blocks, 1e-6, &results)) << results.error_log;
+}
+
+}  // namespace
+}  // namespace airslam
