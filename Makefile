@@ -37,17 +37,17 @@ demo: build
 	@scripts/demo.sh
 
 sanitize: setup
-	@cmake -S . -B build-asan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=address,undefined
-	ninja -C build-asan -j$(JOBS)
-	export ASAN_OPTIONS=detect_stack_use_after_return=1
+	@export ASAN_OPTIONS=detect_stack_use_after_return=1
 	export UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
 	export LSAN_OPTIONS=suppressions=$(CURDIR)/scripts/sanitizers/lsan.supp:print_suppressions=0
+	cmake -S . -B build-asan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=address,undefined >/dev/null
+	ninja -C build-asan -j$(JOBS)
 	cd build-asan && $(CTEST)
 
 tsan: setup
-	@cmake -S . -B build-tsan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=thread
+	@export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
+	cmake -S . -B build-tsan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=thread >/dev/null
 	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test
-	export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
 	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) -R '[Pp]ipeline|[Qq]ueue'
 
 bench: setup
