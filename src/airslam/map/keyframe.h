@@ -11,25 +11,25 @@
 
 namespace airslam {
 
-using KeyframeId = std::int32_t;   // running number in order of creation, unique in a map
-using LandmarkId = std::int64_t;   // running number in order of creation, unique in a map
+using KeyframeId = std::int32_t;  // running number in order of creation, unique in a map
+using LandmarkId = std::int64_t;  // running number in order of creation, unique in a map
 inline constexpr LandmarkId kNoLandmark = -1;
 
 // A frame that is part of the map. Pixels are those of the rectified left image.
 struct Keyframe {
   KeyframeId id = -1;
   std::int64_t timestamp_ns = 0;
-  int component = 0;       // keyframes of different components share no world frame
-  Rigid3 world_from_cam;   // rectified left camera
+  int component = 0;      // keyframes of different components share no world frame
+  Rigid3 world_from_cam;  // rectified left camera
 
   // Detected keypoints with their descriptors, followed by none other: row i of `descriptors`,
   // `right_x[i]` and `landmarks[i]` belong to keypoints[i].
   std::vector<Keypoint> keypoints;
   DescriptorMatrix descriptors;
-  std::vector<float> right_x;          // column of the match in the right image; < 0: none
-  std::vector<LandmarkId> landmarks;   // kNoLandmark: none
+  std::vector<float> right_x;         // column of the match in the right image; < 0: none
+  std::vector<LandmarkId> landmarks;  // kNoLandmark: none
 
-  std::vector<LineSegment> lines;      // part 2
+  std::vector<LineSegment> lines;  // part 2
   std::vector<LandmarkId> line_landmarks;
   std::vector<Keypoint> junctions;
   DescriptorMatrix junction_descriptors;

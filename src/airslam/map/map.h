@@ -11,9 +11,9 @@ namespace airslam {
 
 // The calibration a map was made with: everything needed to use its pixels and poses.
 struct MapCalibration {
-  StereoCamera stereo;      // rectified
-  Rigid3 body_from_left;    // rectified left camera to body
-  bool has_imu = false;     // the body is an IMU frame
+  StereoCamera stereo;    // rectified
+  Rigid3 body_from_left;  // rectified left camera to body
+  bool has_imu = false;   // the body is an IMU frame
 };
 
 // Keyframes and landmarks by id, ordered, so that every walk over them repeats.
