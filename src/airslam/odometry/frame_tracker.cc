@@ -200,6 +200,7 @@ std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
   result.keyframe = keyframe.id;
   result.world_from_cam = pose.world_from_cam;
   result.rms = pose.rms;
+  result.in_sight = CountInSight(keyframe, pose.world_from_cam);
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (!pose.inlier[i]) continue;
     const Keypoint& k = keyframe.keypoints[candidates[i].keyframe_index];
@@ -235,13 +236,31 @@ std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Ke
 
 std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
                                                    const Keyframe& keyframe,
-                                                   int min_inliers) const {
+                                                   const RecoveryOptions& recovery) const {
   const PoseOptimizationResult pose =
       PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
-  if (pose.inliers < min_inliers) return std::nullopt;
+  if (pose.inliers < recovery.min_inliers) return std::nullopt;
   auto tracked = AlignAndOptimize(frame, keyframe, pose.world_from_cam, {});
-  if (tracked) tracked->used_matcher = true;
+  if (!tracked) return std::nullopt;
+  const int found = static_cast<int>(tracked->points.size());
+  if (found < recovery.min_inliers || found < recovery.min_found_share * tracked->in_sight) {
+    return std::nullopt;
+  }
+  tracked->used_matcher = true;
   return tracked;
+}
+
+int FrameTracker::CountInSight(const Keyframe& keyframe, const Rigid3& world_from_cam) const {
+  const Pinhole& camera = map_.stereo().camera;
+  const Rigid3 cam_from_world = world_from_cam.Inverse();
+  int in_sight = 0;
+  for (LandmarkId landmark : keyframe.landmarks) {
+    if (landmark == kNoLandmark) continue;
+    const Eigen::Vector3d point =
+        cam_from_world * map_.map().landmarks.at(landmark).point_in_world;
+    in_sight += point.z() >= kMinDepth && camera.Contains(camera.Project(point));
+  }
+  return in_sight;
 }
 
 }  // namespace airslam

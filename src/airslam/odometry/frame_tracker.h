@@ -28,6 +28,7 @@ struct TrackedFrame {
   KeyframeId keyframe = -1;  // it was tracked against
   Rigid3 world_from_cam;
   std::vector<TrackedPoint> points;  // inliers of the final pose
+  int in_sight = 0;                  // landmarks of the keyframe that lie in the image
   double mean_parallax = 0;          // pixels, mean displacement from the keyframe
   double rms = 0;                    // pixels in sigmas
   bool used_matcher = false;         // the learned matcher was needed
@@ -56,7 +57,7 @@ class FrameTracker {
 
   // Finds the frame's pose from the learned matcher alone, without a prediction.
   std::optional<TrackedFrame> Relocate(const FrameView& frame, const Keyframe& keyframe,
-                                       int min_inliers) const;
+                                       const RecoveryOptions& recovery) const;
 
   // A landmark's patch found in an image.
   struct Found {
@@ -73,6 +74,7 @@ class FrameTracker {
  private:
   std::vector<Match> MatchNearPrediction(const FrameView& frame, const Keyframe& keyframe,
                                          const Rigid3& world_from_cam) const;
+  int CountInSight(const Keyframe& keyframe, const Rigid3& world_from_cam) const;
   std::vector<Match> MatchLearned(const FrameView& frame, const Keyframe& keyframe) const;
   PoseOptimizationResult PoseFromMatches(const FrameView& frame, const Keyframe& keyframe,
                                          const std::vector<Match>& matches) const;

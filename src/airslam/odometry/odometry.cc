@@ -100,8 +100,7 @@ std::optional<TrackedFrame> Odometry::Recover(const FrameView& view) const {
   const std::span<const KeyframeId> window = map_.window();
   int tries = options_.recovery.keyframes;
   for (auto id = window.rbegin(); id != window.rend() && tries > 0; ++id, --tries) {
-    if (auto found = tracker_.Relocate(view, map_.map().keyframes.at(*id),
-                                       options_.recovery.min_inliers)) {
+    if (auto found = tracker_.Relocate(view, map_.map().keyframes.at(*id), options_.recovery)) {
       return found;
     }
   }

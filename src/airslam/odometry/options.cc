@@ -34,6 +34,7 @@ void OdometryOptions::Validate() const {
   RequireRange("local_map.lag_frames", local_map.lag_frames, 1, 100);
   RequireRange("recovery.keyframes", recovery.keyframes, 1, 100);
   RequireRange("recovery.min_inliers", recovery.min_inliers, 6, 2000);
+  RequireRange("recovery.min_found_share", recovery.min_found_share, 0.0, 1.0);
   RequireRange("recovery.lost_frames", recovery.lost_frames, 1, 100000);
   RequireRange("recovery.min_stereo_points", recovery.min_stereo_points, 6, 2000);
 }

@@ -83,8 +83,11 @@ struct LocalMapOptions {
 struct RecoveryOptions {
   // How many of the latest keyframes are tried, >= 1.
   int keyframes = 5;
-  // PnP inliers that a recovered pose needs, >= 6.
+  // Points that a recovered pose needs, both as PnP inliers and as aligned patches, >= 6.
   int min_inliers = 25;
+  // Share of the keyframe's landmarks in sight under a recovered pose that must be found there, in
+  // [0, 1]: a wrong pose may please some matches, but not the image around them.
+  double min_found_share = 0.2;
   // After this many lost frames a new component is started, >= 1.
   int lost_frames = 3;
   // Stereo points that the first keyframe of a component needs, > 0.
@@ -94,6 +97,7 @@ struct RecoveryOptions {
   void Visit(V& v) {
     v.Field("keyframes", keyframes);
     v.Field("min_inliers", min_inliers);
+    v.Field("min_found_share", min_found_share);
     v.Field("lost_frames", lost_frames);
     v.Field("min_stereo_points", min_stereo_points);
   }
