@@ -15,6 +15,13 @@ class KeypointGrid {
  public:
   KeypointGrid(std::span<const Keypoint> keypoints, int width, int height);
 
+  // Whether a keypoint lies within `radius` pixels of `pixel`.
+  bool AnyNear(const Eigen::Vector2d& pixel, double radius) const {
+    bool any = false;
+    VisitNear(pixel, radius, [&](int) { any = true; });
+    return any;
+  }
+
   // Calls visit(index) for every keypoint within `radius` pixels of `pixel`, cell by cell: the
   // order depends on the keypoints only.
   template <typename Visitor>

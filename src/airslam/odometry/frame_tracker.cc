@@ -213,24 +213,27 @@ std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
 
 std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Keyframe& keyframe,
                                                 const PosePrior& prediction) const {
-  PoseOptimizationResult best = PoseFromMatches(
+  PoseOptimizationResult matched = PoseFromMatches(
       frame, keyframe, MatchNearPrediction(frame, keyframe, prediction.world_from_cam));
-  const bool ask_matcher = best.inliers < options_.min_guided_inliers;
-  if (ask_matcher) {
+  const bool is_hard = matched.inliers < options_.min_guided_inliers;
+  if (is_hard) {
     PoseOptimizationResult learned =
         PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
-    if (learned.inliers > best.inliers) best = std::move(learned);
+    if (learned.inliers > matched.inliers) matched = std::move(learned);
   }
   std::optional<TrackedFrame> tracked;
-  if (best.inliers >= options_.min_tracked) {
-    tracked = AlignAndOptimize(frame, keyframe, best.world_from_cam, prediction);
+  if (matched.inliers >= options_.min_tracked) {
+    tracked = AlignAndOptimize(frame, keyframe, matched.world_from_cam, prediction);
   }
-  if (!tracked) {
-    best = PoseFromCoarsePatches(frame, keyframe, prediction);
-    if (best.inliers < options_.min_tracked) return std::nullopt;
-    tracked = AlignAndOptimize(frame, keyframe, best.world_from_cam, prediction);
+  if (!tracked || is_hard) {
+    // Few features may agree on a wrong pose: the pose around which more of the image fits is kept.
+    const PoseOptimizationResult coarse = PoseFromCoarsePatches(frame, keyframe, prediction);
+    if (coarse.inliers >= options_.min_tracked) {
+      auto other = AlignAndOptimize(frame, keyframe, coarse.world_from_cam, prediction);
+      if (other && (!tracked || other->points.size() > tracked->points.size())) tracked = other;
+    }
   }
-  if (tracked) tracked->used_matcher = ask_matcher;
+  if (tracked) tracked->used_matcher = is_hard;
   return tracked;
 }
 

@@ -3,6 +3,8 @@
 
 #include <set>
 
+#include "airslam/odometry/motion_triangulation.h"
+
 namespace airslam {
 
 // A landmark found at a pixel of the new keyframe.
@@ -112,29 +114,51 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_im
   StereoMatchingOptions stereo;
   stereo.min_similarity = options_.tracking.min_similarity;
   stereo.alignment.min_correlation = options_.tracking.min_correlation;
-  keyframe.right_x = MatchStereo(
-      {frame.image.full(), right_image, keyframe.keypoints, keyframe.descriptors, right}, map_.stereo(),
-      expected, stereo);
+  const StereoView view{frame.image.full(), right_image, keyframe.keypoints, keyframe.descriptors,
+                        right};
+  keyframe.right_x = MatchStereo(view, map_.stereo(), expected, stereo);
 }
 
-std::vector<LandmarkId> KeyframeBuilder::AddLandmarks(Keyframe& keyframe) {
-  const Pinhole& camera = map_.stereo().camera;
+KeypointGrid KeyframeBuilder::OccupiedPlaces(const Keyframe& keyframe) const {
   std::vector<Keypoint> occupied;
   for (std::size_t i = 0; i < keyframe.keypoints.size(); ++i) {
     if (keyframe.landmarks[i] != kNoLandmark) occupied.push_back(keyframe.keypoints[i]);
   }
-  const KeypointGrid occupied_grid(occupied, camera.width, camera.height);
+  return {occupied, map_.stereo().camera.width, map_.stereo().camera.height};
+}
+
+std::vector<LandmarkId> KeyframeBuilder::AddStereoLandmarks(Keyframe& keyframe) {
+  const Pinhole& camera = map_.stereo().camera;
+  const KeypointGrid occupied = OccupiedPlaces(keyframe);
   std::vector<LandmarkId> added;
   for (std::size_t i = 0; i < keyframe.keypoints.size(); ++i) {
     if (keyframe.landmarks[i] != kNoLandmark || keyframe.right_x[i] < 0) continue;
     const Eigen::Vector2d pixel(keyframe.keypoints[i].x, keyframe.keypoints[i].y);
-    bool crowded = false;
-    occupied_grid.VisitNear(pixel, options_.keyframe.min_spacing, [&](int) { crowded = true; });
-    if (crowded) continue;
+    if (occupied.AnyNear(pixel, options_.keyframe.min_spacing)) continue;
     const double depth = map_.stereo().Depth(pixel.x() - keyframe.right_x[i]);
-    keyframe.landmarks[i] =
-        map_.AddLandmark(keyframe.world_from_cam * Eigen::Vector3d(depth * camera.Unproject(pixel)));
+    const Eigen::Vector3d point_in_cam = depth * camera.Unproject(pixel);
+    keyframe.landmarks[i] = map_.AddLandmark(keyframe.world_from_cam * point_in_cam);
     added.push_back(keyframe.landmarks[i]);
+  }
+  return added;
+}
+
+std::vector<LandmarkId> KeyframeBuilder::AddMotionLandmarks(const FrameView& frame,
+                                                            Keyframe& keyframe) {
+  std::vector<LandmarkId> added;
+  if (map_.empty() || map_.last().component != keyframe.component) return added;
+  const Keyframe& last = map_.last();
+  const KeypointGrid occupied = OccupiedPlaces(keyframe);
+  for (const MotionPoint& point : TriangulateFromMotion({last, map_.image(last.id).full()},
+                                                        {keyframe, frame.image.full()},
+                                                        map_.stereo().camera)) {
+    if (occupied.AnyNear(point.later_pixel, options_.keyframe.min_spacing)) continue;
+    const LandmarkId id = map_.AddLandmark(point.point_in_world);
+    map_.AddObservation(id, {last.id, point.earlier_index});
+    keyframe.landmarks[point.later_index] = id;
+    keyframe.keypoints[point.later_index].x = static_cast<float>(point.later_pixel.x());
+    keyframe.keypoints[point.later_index].y = static_cast<float>(point.later_pixel.y());
+    added.push_back(id);
   }
   return added;
 }

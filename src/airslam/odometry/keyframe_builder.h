@@ -41,10 +41,15 @@ class KeyframeBuilder {
                   Keyframe& keyframe) const;
 
   // Creates landmarks for keypoints with a right match and none yet. Returns their ids.
-  std::vector<LandmarkId> AddLandmarks(Keyframe& keyframe);
+  std::vector<LandmarkId> AddStereoLandmarks(Keyframe& keyframe);
+
+  // Creates landmarks for keypoints without a right match that the last keyframe sees too; it gets
+  // the observations. Returns their ids.
+  std::vector<LandmarkId> AddMotionLandmarks(const FrameView& frame, Keyframe& keyframe);
 
  private:
   struct Claim;
+  KeypointGrid OccupiedPlaces(const Keyframe& keyframe) const;
   static int FreeKeypointAt(const FrameView& frame, const Keyframe& keyframe,
                             const Eigen::Vector2d& pixel);
   std::vector<Claim> ClaimLandmarks(const FrameView& frame, const TrackedFrame& tracked) const;

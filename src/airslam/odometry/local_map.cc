@@ -28,6 +28,13 @@ LandmarkId LocalMap::AddLandmark(const Eigen::Vector3d& point_in_world) {
   return id;
 }
 
+void LocalMap::AddObservation(LandmarkId id, const KeypointRef& ref) {
+  map_.keyframes.at(ref.keyframe).landmarks[ref.index] = id;
+  Landmark& landmark = map_.landmarks.at(id);
+  landmark.first_seen_by = std::min(landmark.first_seen_by, ref.keyframe);
+  seen_by_.at(id).push_back(ref);
+}
+
 void LocalMap::AddKeyframe(Keyframe keyframe, const ImagePyramid& left_image) {
   const KeyframeId id = keyframe.id;
   next_keyframe_ = id + 1;

@@ -58,6 +58,8 @@ class LocalMap {
 
   KeyframeId next_keyframe_id() const { return next_keyframe_; }
   LandmarkId AddLandmark(const Eigen::Vector3d& point_in_world);
+  // A keyframe of the map sees a landmark that was added after it. Call in order of keyframes.
+  void AddObservation(LandmarkId id, const KeypointRef& ref);
   // keyframe.id must be next_keyframe_id(). A keyframe of a new component empties the window.
   void AddKeyframe(Keyframe keyframe, const ImagePyramid& left_image);
 

@@ -162,7 +162,9 @@ void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRec
 void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
                               KeyframeDraft draft, FrameRecord& record) {
   Keyframe& keyframe = draft.keyframe;
-  const std::vector<LandmarkId> added = builder_.AddLandmarks(keyframe);
+  std::vector<LandmarkId> added = builder_.AddStereoLandmarks(keyframe);
+  const std::vector<LandmarkId> from_motion = builder_.AddMotionLandmarks(view, keyframe);
+  added.insert(added.end(), from_motion.begin(), from_motion.end());
   for (int index : draft.redefining) {
     map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
   }
@@ -174,6 +176,13 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
     std::vector<Landmark> landmarks;
     for (LandmarkId id : added) landmarks.push_back(map_.map().landmarks.at(id));
     recorder_->AddKeyframe(keyframe, std::move(landmarks));
+    if (!from_motion.empty()) {
+      const Keyframe& last = map_.last();
+      recorder_->Apply({.world_from_cam = {},
+                        .landmarks = {},
+                        .keyframe_landmarks = {{last.id, last.landmarks}},
+                        .removed_landmarks = {}});
+    }
   }
   map_.AddKeyframe(std::move(keyframe), view.image);
   bundle_worker_.Submit(map_.MakeBundleJob());
