@@ -47,6 +47,7 @@ int SolveRound(const BundleProblem& bundle, const Factors& factors,
   }
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = iterations;
+  solver.function_tolerance = 1e-4;  // of the cost: further steps move nothing that matters
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
