@@ -10,13 +10,14 @@ if(AIRSLAM_SANITIZE)
   target_link_options(airslam_flags INTERFACE -fsanitize=${AIRSLAM_SANITIZE})
 endif()
 
-# airslam_layer(<name> DEPENDS <layers and libraries>...)
+# airslam_layer(<name> DEPENDS <layers and libraries>... [TEST_DEPENDS <...>] [ONE_TEST])
 #
 # Declares one layer: every .cc of the calling folder becomes the library airslam_<name>; every
 # *_test.cc becomes part of the program airslam_<name>_test, registered with CTest. DEPENDS may name
-# only layers above this one in the list of docs/architecture.md.
+# only layers above this one in the list of docs/architecture.md. ONE_TEST: CTest runs the whole test
+# program at once, because its tests share something that is dear to make.
 function(airslam_layer name)
-  cmake_parse_arguments(LAYER "" "" "DEPENDS;TEST_DEPENDS" ${ARGN})
+  cmake_parse_arguments(LAYER "ONE_TEST" "" "DEPENDS;TEST_DEPENDS" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS *.cc)
   file(GLOB tests CONFIGURE_DEPENDS *_test.cc)
   if(tests)
@@ -35,7 +36,12 @@ function(airslam_layer name)
                           GTest::gtest GTest::gmock GTest::gtest_main)
     target_compile_definitions(airslam_${name}_test PRIVATE
       AIRSLAM_SOURCE_DIR="${CMAKE_SOURCE_DIR}" AIRSLAM_BINARY_DIR="${CMAKE_BINARY_DIR}")
-    gtest_discover_tests(airslam_${name}_test TEST_PREFIX ${name}. DISCOVERY_TIMEOUT 60
-                         PROPERTIES TIMEOUT 600)
+    if(LAYER_ONE_TEST)
+      add_test(NAME ${name} COMMAND airslam_${name}_test)
+      set_tests_properties(${name} PROPERTIES TIMEOUT 600)
+    else()
+      gtest_discover_tests(airslam_${name}_test TEST_PREFIX ${name}. DISCOVERY_TIMEOUT 60
+                           PROPERTIES TIMEOUT 600)
+    endif()
   endif()
 endfunction()

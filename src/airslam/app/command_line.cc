@@ -4,14 +4,33 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <opencv2/core/utility.hpp>
+#include <string>
+#include <vector>
 
 #include "airslam/app/commands.h"
 
 namespace airslam {
+namespace {
+
+// One sentence, and where to read on.
+std::string DescribeWrongUsage(const CLI::App* app, const CLI::Error& error) {
+  const std::vector<CLI::App*> commands = app->get_subcommands();
+  const std::vector<std::string> unknown = app->remaining();
+  std::string sentence = error.what();
+  if (commands.empty() && !unknown.empty()) sentence = unknown.front() + " is not a command";
+  const std::string command = commands.empty() ? "" : commands.front()->get_name() + ' ';
+  return "airslam: " + sentence + "; see airslam " + command + "--help\n";
+}
+
+}  // namespace
 
 int RunCommandLine(int argc, char** argv) {
+  // The stages have threads of their own; OpenCV's would only contend with them.
+  cv::setNumThreads(1);
   CLI::App app("AirSLAM: point-line visual SLAM for robots in changing light", "airslam");
   app.require_subcommand(1);
+  app.failure_message(DescribeWrongUsage);
   app.set_version_flag("--version", "airslam 0.1.0");
   AddMapCommand(app);
   AddInfoCommand(app);

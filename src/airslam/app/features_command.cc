@@ -115,7 +115,7 @@ std::unique_ptr<FeatureMatcher> MakeMatcher(const std::string& kind, const Model
     return std::make_unique<TransformerMatcher>(*pack.matcher, pack.features.descriptor_size);
   }
   if (kind == "transformer") {
-    LogInfo("the model pack '{}' has no matcher: matching nearest neighbours", pack.name);
+    LogWarn("the model pack '{}' has no matcher: matching nearest neighbours", pack.name);
   }
   return std::make_unique<NearestMatcher>();
 }

@@ -32,7 +32,7 @@ std::unique_ptr<FeatureMatcher> MakeMatcher(const ModelPack& pack) {
   if (pack.matcher) {
     return std::make_unique<TransformerMatcher>(*pack.matcher, pack.features.descriptor_size);
   }
-  LogInfo("model pack {} has no matcher: mutual nearest neighbours instead", pack.name);
+  LogWarn("model pack {} has no matcher: mutual nearest neighbours instead", pack.name);
   return std::make_unique<NearestMatcher>();
 }
 
@@ -65,6 +65,7 @@ class Narrator {
 
 void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::string& out) {
   const int component = LargestComponent(result);
+  if (component < 0) LogWarn("no frame could be tracked: the trajectory is empty");
   const std::size_t posed = FinalTrajectory(result, component).size();
   std::printf("%zu of %zu frames in the trajectory, %zu keyframes, %zu landmarks\n", posed,
               result.records.size(), result.map.keyframes.size(), result.map.landmarks.size());
@@ -84,8 +85,8 @@ void RunMap(const MapArguments& arguments) {
 
   PlNet left_detector(pack.features);
   PlNet right_detector(pack.features);
-  const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
   AtomicDirectory out(arguments.out);
+  const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
   StageTimes times;
   MapRecorder recorder(out.partial() / "map.db", MakeMapCalibration(sequence->rig(), rectifier),
                        pack.name, pack.features.network.sha256, times);
