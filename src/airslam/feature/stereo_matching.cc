@@ -34,7 +34,7 @@ class RowIndex {
 // For each left keypoint the right keypoint that is mutually most similar along the epipolar row.
 std::vector<int> MatchAlongRows(const StereoView& view, double max_disparity,
                                 const StereoMatchingOptions& options) {
-  const RowIndex rows(view.right.keypoints, view.right_image.rows);
+  const RowIndex rows(view.right.keypoints, view.right_image.full().rows);
   std::vector<int> best_right(view.left_keypoints.size(), -1);
   std::vector<Match> best_left(view.right.keypoints.size());
   for (std::size_t i = 0; i < view.left_keypoints.size(); ++i) {
@@ -62,6 +62,27 @@ std::vector<int> MatchAlongRows(const StereoView& view, double max_disparity,
   return best_right;
 }
 
+// Columns of the left keypoints in the right image, aligned by patch at one level of the pyramids
+// from the guessed columns (< 0: none).
+void AlignRight(const StereoView& view, std::span<const double> guesses, double max_disparity,
+                int level, const StereoMatchingOptions& options, std::vector<float>& right_x) {
+  const double scale = 1 << level;
+  for (std::size_t i = 0; i < guesses.size(); ++i) {
+    if (guesses[i] < 0 || right_x[i] >= 0) continue;
+    const Eigen::Vector2d left(view.left_keypoints[i].x, view.left_keypoints[i].y);
+    const PatchAlignment aligned =
+        AlignPatch(view.left_image.levels[level], left / scale, Eigen::Matrix2d::Identity(),
+                   view.right_image.levels[level],
+                   Eigen::Vector2d(guesses[i], left.y()) / scale, options.alignment);
+    const Eigen::Vector2d right = scale * aligned.pixel;
+    const double disparity = left.x() - right.x();
+    if (aligned.converged && disparity >= options.min_disparity && disparity <= max_disparity &&
+        std::abs(right.y() - left.y()) <= scale * options.max_aligned_row_difference) {
+      right_x[i] = static_cast<float>(right.x());
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<float> MatchStereo(const StereoView& view, const StereoCamera& stereo,
@@ -69,24 +90,20 @@ std::vector<float> MatchStereo(const StereoView& view, const StereoCamera& stere
                                const StereoMatchingOptions& options) {
   const double max_disparity = stereo.Disparity(options.min_depth);
   const std::vector<int> matched = MatchAlongRows(view, max_disparity, options);
-  std::vector<float> right_x(view.left_keypoints.size(), -1.0f);
-  for (std::size_t i = 0; i < view.left_keypoints.size(); ++i) {
-    const Eigen::Vector2d left(view.left_keypoints[i].x, view.left_keypoints[i].y);
-    Eigen::Vector2d guess = left;
+  std::vector<double> guesses(view.left_keypoints.size(), -1.0);
+  for (std::size_t i = 0; i < guesses.size(); ++i) {
     if (!expected_disparities.empty() && expected_disparities[i] >= 0) {
-      guess.x() -= expected_disparities[i];
+      guesses[i] = view.left_keypoints[i].x - expected_disparities[i];
     } else if (matched[i] >= 0) {
-      guess.x() = view.right.keypoints[matched[i]].x;
-    } else {
-      continue;
+      guesses[i] = view.right.keypoints[matched[i]].x;
     }
-    const PatchAlignment aligned = AlignPatch(view.left_image, left, Eigen::Matrix2d::Identity(),
-                                              view.right_image, guess, options.alignment);
-    const double disparity = left.x() - aligned.pixel.x();
-    if (aligned.converged && disparity >= options.min_disparity && disparity <= max_disparity &&
-        std::abs(aligned.pixel.y() - left.y()) <= options.max_aligned_row_difference) {
-      right_x[i] = static_cast<float>(aligned.pixel.x());
-    }
+  }
+  std::vector<float> right_x(guesses.size(), -1.0f);
+  AlignRight(view, guesses, max_disparity, 0, options, right_x);
+  const auto found =
+      std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
+  if (found < options.coarse_below) {
+    AlignRight(view, guesses, max_disparity, 1, options, right_x);
   }
   return right_x;
 }

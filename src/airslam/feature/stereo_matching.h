@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <opencv2/core.hpp>
 #include <span>
 #include <vector>
 
+#include "airslam/feature/image_pyramid.h"
 #include "airslam/feature/patch_alignment.h"
 #include "airslam/geometry/pinhole.h"
 #include "airslam/neural/detections.h"
@@ -17,13 +17,16 @@ struct StereoMatchingOptions {
   double min_depth = 0.3;            // metres: bounds the disparity
   double min_disparity = 0.3;        // pixels: below it the depth is unknown
   double min_similarity = 0.6;       // cosine of the descriptors
+  // With fewer matches at full resolution than this, those at half resolution, where noise is
+  // weaker, count as well.
+  int coarse_below = 80;
   PatchAlignmentOptions alignment;
 };
 
 // The left and the right rectified image of one keyframe with their features.
 struct StereoView {
-  const cv::Mat& left_image;   // CV_8UC1
-  const cv::Mat& right_image;  // CV_8UC1, same size
+  const ImagePyramid& left_image;
+  const ImagePyramid& right_image;  // of the same size
   std::span<const Keypoint> left_keypoints;
   const DescriptorMatrix& left_descriptors;
   const Detections& right;

@@ -31,8 +31,9 @@ class StereoMatching : public ::testing::Test {
   }
 
   std::vector<float> Match(std::span<const float> expected) const {
-    return MatchStereo({left_, right_image_, left_keypoints_, left_descriptors_, right_features_},
-                       stereo_, expected, {});
+    const ImagePyramid left = MakePyramid(left_), right = MakePyramid(right_image_);
+    return MatchStereo({left, right, left_keypoints_, left_descriptors_, right_features_},
+                       stereo_, expected, options_);
   }
 
   cv::Mat left_, right_, right_image_;
@@ -40,6 +41,7 @@ class StereoMatching : public ::testing::Test {
   DescriptorMatrix left_descriptors_;
   Detections right_features_;
   StereoCamera stereo_;
+  StereoMatchingOptions options_;
 };
 
 TEST_F(StereoMatching, FindsSubPixelDisparityByDescriptor) {
@@ -52,6 +54,21 @@ TEST_F(StereoMatching, FindsSubPixelDisparityByDescriptor) {
 TEST_F(StereoMatching, SeeksWhereALandmarkIsExpected) {
   const std::vector<float> expected = {-1, 11, -1};
   EXPECT_NEAR(150 - Match(expected)[1], kDisparity, 0.05);
+}
+
+TEST_F(StereoMatching, FindsAtHalfResolutionWhatNoiseHides) {
+  cv::Mat noise(left_.size(), CV_16SC1);
+  cv::RNG random(9);
+  for (cv::Mat* image : {&left_, &right_image_}) {
+    random.fill(noise, cv::RNG::NORMAL, 0, 55);
+    cv::Mat sum;
+    image->convertTo(sum, CV_16SC1);
+    sum += noise;
+    sum.convertTo(*image, CV_8UC1);
+  }
+  EXPECT_NEAR(100 - Match({})[0], kDisparity, 0.6);
+  options_.coarse_below = 0;
+  EXPECT_EQ(Match({})[0], -1);
 }
 
 TEST_F(StereoMatching, RefusesWhatLooksDifferent) {

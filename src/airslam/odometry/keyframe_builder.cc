@@ -101,7 +101,7 @@ KeyframeDraft KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t 
   return draft;
 }
 
-void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_image,
+void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& right_image,
                                  const Detections& right, Keyframe& keyframe) const {
   const Rigid3 cam_from_world = keyframe.world_from_cam.Inverse();
   std::vector<float> expected(keyframe.keypoints.size(), -1.0f);
@@ -114,7 +114,8 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const cv::Mat& right_im
   StereoMatchingOptions stereo;
   stereo.min_similarity = options_.tracking.min_similarity;
   stereo.alignment.min_correlation = options_.tracking.min_correlation;
-  const StereoView view{frame.image.full(), right_image, keyframe.keypoints, keyframe.descriptors,
+  stereo.coarse_below = options_.tracking.coarse_below;
+  const StereoView view{frame.image, right_image, keyframe.keypoints, keyframe.descriptors,
                         right};
   keyframe.right_x = MatchStereo(view, map_.stereo(), expected, stereo);
 }

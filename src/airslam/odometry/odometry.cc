@@ -88,6 +88,9 @@ void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
     if (bundle_due_) TakeBundle();
     tracked->world_from_cam =
         map_.map().keyframes.at(record.reference).world_from_cam * record.reference_from_cam;
+    std::erase_if(tracked->points, [&](const TrackedPoint& point) {
+      return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
+    });
     KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, *tracked);
     MatchRight(frame, view, draft.keyframe);
     if (was_lost || IsWorthwhile(draft.keyframe, *tracked)) {
@@ -135,7 +138,7 @@ void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
     features = right_detector_.Detect(right, rectifier_.right_mask(), options_.max_keypoints);
   }
   ScopedStage stage(times_, "match stereo");
-  builder_.MatchRight(view, right, features, keyframe);
+  builder_.MatchRight(view, MakePyramid(right), features, keyframe);
 }
 
 void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
