@@ -5,7 +5,7 @@
 #   make test      build, then every test
 #   make demo      build, then map the example sequence, evaluate it and draw it
 #   make sanitize  every test under AddressSanitizer and UndefinedBehaviorSanitizer
-#   make tsan      the queue and pipeline tests under ThreadSanitizer
+#   make tsan      the queue and pipeline tests under ThreadSanitizer (tests: 2 minutes on 2 cores)
 #   make bench     the micro-benchmarks
 #   make format    clang-format over src/
 #   make clean     removes what was built; the set-up stays
