@@ -37,7 +37,7 @@ def average_gradients(net: torch.nn.Module) -> None:
     """Mean of the gradients over all processes (if there are several), in one message."""
     if not dist.is_initialized():
         return
-    gradients = [p.grad for p in net.parameters()]
+    gradients = [p.grad for p in net.parameters() if p.grad is not None]  # the last stage's confidence has none
     flat = torch.cat([g.flatten() for g in gradients])
     dist.all_reduce(flat)
     flat /= dist.get_world_size()
