@@ -145,6 +145,11 @@ class Initializer {
 };
 
 bool Initializer::CheckInput() {
+  for (int i = 0; i < size(); ++i) {
+    if (!bodies_[i].translation.allFinite() || !bodies_[i].rotation.coeffs().allFinite()) {
+      return Refuse(InertialRefusal::kInconsistent, "the pose of frame {} is not finite", i);
+    }
+  }
   for (int i = 1; i < size(); ++i) {
     if (frames_[i].timestamp_ns <= frames_[i - 1].timestamp_ns) {
       return Refuse(InertialRefusal::kInconsistent,
@@ -412,7 +417,13 @@ void Initializer::ReadSigmas(JointState& state, ceres::Problem& problem) {
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(information);
   Eigen::MatrixXd corner = Eigen::MatrixXd::Zero(crs.num_cols, 8);
   corner.bottomRows<8>().setIdentity();
-  const Eigen::MatrixXd covariance = factors.solve(corner).bottomRows<8>();
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Constant(8, 8, std::nan(""));
+  if (factors.info() == Eigen::Success) covariance = factors.solve(corner).bottomRows<8>();
+  if (!covariance.allFinite()) {  // nothing is known of some direction
+    result_.gyroscope_bias_sigma = result_.accelerometer_bias_sigma = result_.gravity_sigma =
+        std::numeric_limits<double>::infinity();
+    return;
+  }
   result_.gyroscope_bias_sigma = WorstSigma(covariance.block<3, 3>(0, 0));
   result_.accelerometer_bias_sigma = WorstSigma(covariance.block<3, 3>(3, 3));
   // How far a step in Ceres' tangent space turns gravity is read off the manifold itself.

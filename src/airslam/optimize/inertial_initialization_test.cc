@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <numbers>
@@ -225,6 +226,14 @@ TEST(InertialInitialization, RefusesFramesThatGoBackInTime) {
   Recording recording = Record(Brisk(), {});
   std::swap(recording.frames[3], recording.frames[4]);
   EXPECT_EQ(Initialize(recording).refusal, InertialRefusal::kInconsistent);
+}
+
+TEST(InertialInitialization, RefusesAPoseThatIsNotFinite) {
+  Recording recording = AtRest(1);
+  recording.frames[3].world_from_cam.translation.x() = std::nan("");
+  const InertialInitialization result = Initialize(recording);
+  EXPECT_EQ(result.refusal, InertialRefusal::kInconsistent);
+  EXPECT_THAT(result.reason, HasSubstr("frame 3 is not finite"));
 }
 
 TEST(InertialInitialization, DetectsAWrongTimeOffset) {
