@@ -2,6 +2,8 @@
 #include "airslam/odometry/frame_tracker.h"
 
 #include <opencv2/calib3d.hpp>
+#include <set>
+#include <utility>
 
 namespace airslam {
 namespace {
@@ -22,6 +24,16 @@ Eigen::Matrix2d LocalWarp(const Pinhole& camera, const Eigen::Vector2d& pixel, d
   warp.col(0) = (transfer(pixel + Eigen::Vector2d(kStep, 0)) - center) / kStep;
   warp.col(1) = (transfer(pixel + Eigen::Vector2d(0, kStep)) - center) / kStep;
   return warp;
+}
+
+// In how many square cells of the image the pixels lie.
+int CountCells(const std::vector<Eigen::Vector2d>& pixels) {
+  constexpr double kCell = 64;  // pixels
+  std::set<std::pair<int, int>> cells;
+  for (const Eigen::Vector2d& p : pixels) {
+    cells.emplace(static_cast<int>(p.x() / kCell), static_cast<int>(p.y() / kCell));
+  }
+  return static_cast<int>(cells.size());
 }
 
 // PnP-RANSAC on matches of landmarks; OpenCV's generator has a fixed seed.
@@ -200,7 +212,7 @@ std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
   result.keyframe = keyframe.id;
   result.world_from_cam = pose.world_from_cam;
   result.rms = pose.rms;
-  result.in_sight = CountInSight(keyframe, pose.world_from_cam);
+  result.in_sight = static_cast<int>(InSight(keyframe, pose.world_from_cam).size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (!pose.inlier[i]) continue;
     const Keypoint& k = keyframe.keypoints[candidates[i].keyframe_index];
@@ -211,30 +223,29 @@ std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
   return result;
 }
 
+bool FrameTracker::IsConvincing(const TrackedFrame& tracked) const {
+  const int found = static_cast<int>(tracked.points.size());
+  return found >= options_.min_convincing && found >= options_.min_found_share * tracked.in_sight;
+}
+
 std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Keyframe& keyframe,
                                                 const PosePrior& prediction) const {
-  PoseOptimizationResult matched = PoseFromMatches(
+  std::optional<TrackedFrame> best;
+  const auto consider = [&](const PoseOptimizationResult& start) {
+    if (start.inliers < options_.min_tracked) return;
+    auto tracked = AlignAndOptimize(frame, keyframe, start.world_from_cam, prediction);
+    if (tracked && (!best || tracked->points.size() > best->points.size())) best = tracked;
+  };
+  const PoseOptimizationResult guided = PoseFromMatches(
       frame, keyframe, MatchNearPrediction(frame, keyframe, prediction.world_from_cam));
-  const bool is_hard = matched.inliers < options_.min_guided_inliers;
-  if (is_hard) {
-    PoseOptimizationResult learned =
-        PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
-    if (learned.inliers > matched.inliers) matched = std::move(learned);
-  }
-  std::optional<TrackedFrame> tracked;
-  if (matched.inliers >= options_.min_tracked) {
-    tracked = AlignAndOptimize(frame, keyframe, matched.world_from_cam, prediction);
-  }
-  if (!tracked || is_hard) {
-    // Few features may agree on a wrong pose: the pose around which more of the image fits is kept.
-    const PoseOptimizationResult coarse = PoseFromCoarsePatches(frame, keyframe, prediction);
-    if (coarse.inliers >= options_.min_tracked) {
-      auto other = AlignAndOptimize(frame, keyframe, coarse.world_from_cam, prediction);
-      if (other && (!tracked || other->points.size() > tracked->points.size())) tracked = other;
-    }
-  }
-  if (tracked) tracked->used_matcher = is_hard;
-  return tracked;
+  consider(guided);
+  if (guided.inliers >= options_.min_convincing && best && IsConvincing(*best)) return best;
+  // A few features may agree on a wrong pose, shelves that repeat for one: of several poses the one
+  // around which more of the image fits is kept.
+  consider(PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe)));
+  if (!best || !IsConvincing(*best)) consider(PoseFromCoarsePatches(frame, keyframe, prediction));
+  if (best) best->used_matcher = true;
+  return best;
 }
 
 std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
@@ -245,25 +256,29 @@ std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
   if (pose.inliers < recovery.min_inliers) return std::nullopt;
   auto tracked = AlignAndOptimize(frame, keyframe, pose.world_from_cam, {});
   if (!tracked) return std::nullopt;
-  const int found = static_cast<int>(tracked->points.size());
-  if (found < recovery.min_inliers || found < recovery.min_found_share * tracked->in_sight) {
-    return std::nullopt;
-  }
+  if (static_cast<int>(tracked->points.size()) < recovery.min_inliers) return std::nullopt;
+  std::vector<Eigen::Vector2d> found;
+  for (const TrackedPoint& point : tracked->points) found.push_back(point.pixel);
+  const int cells_in_sight = CountCells(InSight(keyframe, tracked->world_from_cam));
+  if (CountCells(found) < recovery.min_found_share * cells_in_sight) return std::nullopt;
   tracked->used_matcher = true;
   return tracked;
 }
 
-int FrameTracker::CountInSight(const Keyframe& keyframe, const Rigid3& world_from_cam) const {
+std::vector<Eigen::Vector2d> FrameTracker::InSight(const Keyframe& keyframe,
+                                                   const Rigid3& world_from_cam) const {
   const Pinhole& camera = map_.stereo().camera;
   const Rigid3 cam_from_world = world_from_cam.Inverse();
-  int in_sight = 0;
+  std::vector<Eigen::Vector2d> pixels;
   for (LandmarkId landmark : keyframe.landmarks) {
     if (landmark == kNoLandmark) continue;
     const Eigen::Vector3d point =
         cam_from_world * map_.map().landmarks.at(landmark).point_in_world;
-    in_sight += point.z() >= kMinDepth && camera.Contains(camera.Project(point));
+    if (point.z() < kMinDepth) continue;
+    const Eigen::Vector2d pixel = camera.Project(point);
+    if (camera.Contains(pixel)) pixels.push_back(pixel);
   }
-  return in_sight;
+  return pixels;
 }
 
 }  // namespace airslam

@@ -42,10 +42,10 @@ struct FrameView {
 };
 
 // Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D): features
-// near their predicted place by descriptor, the learned matcher where these fall short, PnP-RANSAC,
-// motion-only optimization; then every landmark of the keyframe is sought at its place under that
-// pose and aligned to sub-pixel accuracy, and the pose optimized once more. Where no features agree,
-// in sudden darkness say, coarse patches around the predicted pose serve instead. Holds no state.
+// near their predicted place by descriptor, PnP-RANSAC, motion-only optimization; then every
+// landmark of the keyframe is sought at its place under that pose and aligned to sub-pixel accuracy,
+// and the pose optimized once more. Where too little of the keyframe is found so, poses from the
+// learned matcher and from coarse patches compete with it. Holds no state.
 class FrameTracker {
  public:
   FrameTracker(const TrackingOptions& options, const LocalMap& map, FeatureMatcher& matcher)
@@ -74,7 +74,11 @@ class FrameTracker {
  private:
   std::vector<Match> MatchNearPrediction(const FrameView& frame, const Keyframe& keyframe,
                                          const Rigid3& world_from_cam) const;
-  int CountInSight(const Keyframe& keyframe, const Rigid3& world_from_cam) const;
+  // Whether a pose explains so much of the image that no other need be tried.
+  bool IsConvincing(const TrackedFrame& tracked) const;
+  // Where the keyframe's landmarks lie in the image, those that do.
+  std::vector<Eigen::Vector2d> InSight(const Keyframe& keyframe,
+                                       const Rigid3& world_from_cam) const;
   std::vector<Match> MatchLearned(const FrameView& frame, const Keyframe& keyframe) const;
   PoseOptimizationResult PoseFromMatches(const FrameView& frame, const Keyframe& keyframe,
                                          const std::vector<Match>& matches) const;

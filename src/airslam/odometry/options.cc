@@ -20,7 +20,8 @@ void OdometryOptions::Validate() const {
   RequireRange("tracking.search_radius", tracking.search_radius, 0.001, 1.0);
   RequireRange("tracking.min_similarity", tracking.min_similarity, -1.0, 1.0);
   RequireRange("tracking.ransac_error", tracking.ransac_error, 0.1, 100.0);
-  RequireRange("tracking.min_guided_inliers", tracking.min_guided_inliers, 1, 2000);
+  RequireRange("tracking.min_convincing", tracking.min_convincing, 1, 2000);
+  RequireRange("tracking.min_found_share", tracking.min_found_share, 0.0, 1.0);
   RequireRange("tracking.min_tracked", tracking.min_tracked, 6, 2000);
   RequireRange("tracking.coarse_below", tracking.coarse_below, 0, 2000);
   RequireRange("tracking.pixel_sigma", tracking.pixel_sigma, 0.01, 10.0);

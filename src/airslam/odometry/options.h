@@ -17,8 +17,12 @@ struct TrackingOptions {
   double min_similarity = 0.6;
   // Pixels: PnP-RANSAC's bound on the re-projection error, > 0.
   double ransac_error = 4.0;
-  // With fewer PnP inliers than this the learned matcher is asked, > 0.
-  int min_guided_inliers = 40;
+  // Where the pose from features near their predicted place rests on fewer of them, or finds fewer
+  // points, than this, > 0,
+  int min_convincing = 40;
+  // or a smaller share of the landmarks in sight than this, in [0, 1], the learned matcher (and in
+  // the dark, coarse patches) may know a better one.
+  double min_found_share = 0.5;
   // With fewer points the frame is lost, >= 6.
   int min_tracked = 15;
   // With fewer points aligned at full resolution than this, patches at half resolution, where noise
@@ -34,7 +38,8 @@ struct TrackingOptions {
     v.Field("search_radius", search_radius);
     v.Field("min_similarity", min_similarity);
     v.Field("ransac_error", ransac_error);
-    v.Field("min_guided_inliers", min_guided_inliers);
+    v.Field("min_convincing", min_convincing);
+    v.Field("min_found_share", min_found_share);
     v.Field("min_tracked", min_tracked);
     v.Field("coarse_below", coarse_below);
     v.Field("pixel_sigma", pixel_sigma);
@@ -85,8 +90,9 @@ struct RecoveryOptions {
   int keyframes = 5;
   // Points that a recovered pose needs, both as PnP inliers and as aligned patches, >= 6.
   int min_inliers = 25;
-  // Share of the keyframe's landmarks in sight under a recovered pose that must be found there, in
-  // [0, 1]: a wrong pose may please some matches, but not the image around them.
+  // Share, in [0, 1], of the image cells (64 x 64 pixels) with landmarks of the keyframe in sight
+  // under a recovered pose in which points must be found: a wrong pose may please many matches on one
+  // checkerboard, but not the image around it.
   double min_found_share = 0.2;
   // After this many lost frames a new component is started, >= 1.
   int lost_frames = 3;
