@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -65,7 +66,8 @@ class OptionsTest : public testing::Test {
 
   const std::filesystem::path file_ =
       std::filesystem::path(testing::TempDir()) /
-      (std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".yaml");
+      (std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
+       std::to_string(getpid()) + ".yaml");
 };
 
 TEST_F(OptionsTest, SetsWhatIsNamedAndLeavesTheRest) {

@@ -2,6 +2,7 @@
 #include "airslam/common/sha256.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -21,7 +22,8 @@ TEST(Sha256Test, KnownAnswerInPieces) {
 }
 
 TEST(Sha256Test, FileLongerThanTheBuffer) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "sha256_test.bin";
+  const auto file = std::filesystem::path(testing::TempDir()) /
+                    ("sha256_test_" + std::to_string(getpid()) + ".bin");
   const std::string content(200'001, 'x');
   std::ofstream(file, std::ios::binary) << content;
   Sha256 expected;

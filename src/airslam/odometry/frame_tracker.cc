@@ -16,8 +16,7 @@ Eigen::Matrix2d LocalWarp(const Pinhole& camera, const Eigen::Vector2d& pixel, d
                           const Rigid3& current_from_reference) {
   constexpr double kStep = 4.0;  // pixels
   const auto transfer = [&](const Eigen::Vector2d& p) {
-    return camera.Project(current_from_reference *
-                          Eigen::Vector3d(depth * camera.Unproject(p)));
+    return camera.Project(current_from_reference * Eigen::Vector3d(depth * camera.Unproject(p)));
   };
   const Eigen::Vector2d center = transfer(pixel);
   Eigen::Matrix2d warp;
@@ -45,9 +44,9 @@ std::vector<int> RansacInliers(const Pinhole& camera, const std::vector<cv::Poin
   const cv::Matx33d matrix(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
   cv::Mat rotation_vector, translation;
   cv::setRNGSeed(0);
-  const bool found = cv::solvePnPRansac(points, pixels, matrix, cv::noArray(), rotation_vector,
-                                        translation, false, 200, static_cast<float>(max_error),
-                                        0.999, inliers, cv::SOLVEPNP_EPNP);
+  const bool found =
+      cv::solvePnPRansac(points, pixels, matrix, cv::noArray(), rotation_vector, translation, false,
+                         200, static_cast<float>(max_error), 0.999, inliers, cv::SOLVEPNP_EPNP);
   if (!found) return {};
   cv::Matx33d r;
   cv::Rodrigues(rotation_vector, r);
@@ -105,8 +104,8 @@ PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
     pixels.emplace_back(k.x, k.y);
   }
   Rigid3 cam_from_world;
-  const std::vector<int> inliers = RansacInliers(map_.stereo().camera, points, pixels,
-                                                 options_.ransac_error, cam_from_world);
+  const std::vector<int> inliers =
+      RansacInliers(map_.stereo().camera, points, pixels, options_.ransac_error, cam_from_world);
   std::vector<PointConstraint> constraints;
   for (int i : inliers) {
     constraints.push_back({{points[i].x, points[i].y, points[i].z},
@@ -140,9 +139,8 @@ std::optional<FrameTracker::Found> FrameTracker::Seek(const ImagePyramid& image,
   const ImagePyramid& source_image = map_.image(source.keyframe);
   for (int level = first; level <= last; ++level) {
     const double scale = 1 << level;
-    const PatchAlignment aligned =
-        AlignPatch(source_image.levels[level], pixel / scale, warp, image.levels[level],
-                   expected / scale, alignment);
+    const PatchAlignment aligned = AlignPatch(source_image.levels[level], pixel / scale, warp,
+                                              image.levels[level], expected / scale, alignment);
     if (aligned.converged) return Found{aligned.pixel * scale, options_.pixel_sigma * scale};
   }
   return std::nullopt;
@@ -166,11 +164,9 @@ PoseOptimizationResult FrameTracker::PoseFromCoarsePatches(const FrameView& fram
   return OptimizePose(map_.stereo(), constraints, prediction.world_from_cam, prediction, {});
 }
 
-std::optional<TrackedFrame> FrameTracker::AlignAndOptimize(const FrameView& frame,
-                                                           const Keyframe& keyframe,
-                                                           const Rigid3& world_from_cam,
-                                                           const std::optional<PosePrior>& prior)
-    const {
+std::optional<TrackedFrame> FrameTracker::AlignAndOptimize(
+    const FrameView& frame, const Keyframe& keyframe, const Rigid3& world_from_cam,
+    const std::optional<PosePrior>& prior) const {
   auto fine = AlignAtLevels(frame, keyframe, world_from_cam, prior, 0);
   if (fine && static_cast<int>(fine->points.size()) >= options_.coarse_below) return fine;
   const Rigid3& start = fine ? fine->world_from_cam : world_from_cam;
@@ -248,8 +244,7 @@ std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Ke
   return best;
 }
 
-std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame,
-                                                   const Keyframe& keyframe,
+std::optional<TrackedFrame> FrameTracker::Relocate(const FrameView& frame, const Keyframe& keyframe,
                                                    const RecoveryOptions& recovery) const {
   const PoseOptimizationResult pose =
       PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe));
@@ -272,8 +267,7 @@ std::vector<Eigen::Vector2d> FrameTracker::InSight(const Keyframe& keyframe,
   std::vector<Eigen::Vector2d> pixels;
   for (LandmarkId landmark : keyframe.landmarks) {
     if (landmark == kNoLandmark) continue;
-    const Eigen::Vector3d point =
-        cam_from_world * map_.map().landmarks.at(landmark).point_in_world;
+    const Eigen::Vector3d point = cam_from_world * map_.map().landmarks.at(landmark).point_in_world;
     if (point.z() < kMinDepth) continue;
     const Eigen::Vector2d pixel = camera.Project(point);
     if (camera.Contains(pixel)) pixels.push_back(pixel);

@@ -43,9 +43,9 @@ struct FrameView {
 
 // Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D): features
 // near their predicted place by descriptor, PnP-RANSAC, motion-only optimization; then every
-// landmark of the keyframe is sought at its place under that pose and aligned to sub-pixel accuracy,
-// and the pose optimized once more. Where too little of the keyframe is found so, poses from the
-// learned matcher and from coarse patches compete with it. Holds no state.
+// landmark of the keyframe is sought at its place under that pose and aligned to sub-pixel
+// accuracy, and the pose optimized once more. Where too little of the keyframe is found so, poses
+// from the learned matcher and from coarse patches compete with it. Holds no state.
 class FrameTracker {
  public:
   FrameTracker(const TrackingOptions& options, const LocalMap& map, FeatureMatcher& matcher)

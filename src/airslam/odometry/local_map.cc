@@ -85,17 +85,21 @@ BundleJob LocalMap::MakeBundleJob() const {
 
   job.problem.stereo = stereo();
   for (LandmarkId landmark : landmarks) {
+    std::vector<KeypointRef> refs = seen_by_.at(landmark);
+    std::erase_if(refs, [&](const KeypointRef& r) { return !pose_index.contains(r.keyframe); });
+    if (refs.size() == 1) {
+      job.carried.emplace_back(landmark, refs.front().keyframe);
+      continue;
+    }
     const int point = static_cast<int>(job.landmarks.size());
     job.landmarks.push_back(landmark);
     job.problem.points_in_world.push_back(map_.landmarks.at(landmark).point_in_world);
-    for (const KeypointRef& ref : seen_by_.at(landmark)) {
-      const auto pose = pose_index.find(ref.keyframe);
-      if (pose == pose_index.end()) continue;
+    for (const KeypointRef& ref : refs) {
       const Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
       const Keypoint& keypoint = keyframe.keypoints[ref.index];
       job.observations.push_back(ref);
       job.problem.observations.push_back(
-          {pose->second, point,
+          {pose_index.at(ref.keyframe), point,
            PointObservation{{keypoint.x, keypoint.y}, keyframe.right_x[ref.index], pixel_sigma_}});
     }
   }
@@ -107,6 +111,19 @@ void LocalMap::RemoveObservation(const KeypointRef& ref) {
   std::vector<KeypointRef>& refs = seen_by_.at(keyframe.landmarks[ref.index]);
   std::erase_if(refs, [&](const KeypointRef& r) { return r.keyframe == ref.keyframe; });
   keyframe.landmarks[ref.index] = kNoLandmark;
+}
+
+void LocalMap::MoveCarried(const BundleJob& solved) {
+  std::map<KeyframeId, Rigid3> new_from_old;  // in world
+  for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
+    new_from_old[solved.keyframes[i]] =
+        solved.problem.world_from_cam[i] *
+        map_.keyframes.at(solved.keyframes[i]).world_from_cam.Inverse();
+  }
+  for (const auto& [landmark, keyframe] : solved.carried) {
+    Eigen::Vector3d& point = map_.landmarks.at(landmark).point_in_world;
+    point = new_from_old.at(keyframe) * point;
+  }
 }
 
 void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
@@ -122,6 +139,7 @@ void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
 
 MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
   MapWriter::Update update;
+  MoveCarried(solved);
   for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
     if (solved.problem.pose_fixed[i]) continue;
     const Rigid3& pose = solved.problem.world_from_cam[i];
@@ -140,6 +158,9 @@ MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
   RemoveUnseenLandmarks(solved.landmarks, update);
   for (LandmarkId id : solved.landmarks) {
     if (map_.landmarks.contains(id)) update.landmarks.push_back(map_.landmarks.at(id));
+  }
+  for (const auto& [id, keyframe] : solved.carried) {
+    update.landmarks.push_back(map_.landmarks.at(id));
   }
   for (KeyframeId id : changed) {
     update.keyframe_landmarks.emplace_back(id, map_.keyframes.at(id).landmarks);

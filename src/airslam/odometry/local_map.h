@@ -27,6 +27,9 @@ struct BundleJob {
   std::vector<KeyframeId> keyframes;      // of problem.world_from_cam
   std::vector<LandmarkId> landmarks;      // of problem.points_in_world
   std::vector<KeypointRef> observations;  // of problem.observations
+  // Landmarks that only one of the keyframes sees: they say nothing about poses, and go along with
+  // that keyframe.
+  std::vector<std::pair<LandmarkId, KeyframeId>> carried;
   BundleProblem problem;
   BundleSummary summary;
 };
@@ -69,6 +72,7 @@ class LocalMap {
   MapWriter::Update Apply(const BundleJob& solved);
 
  private:
+  void MoveCarried(const BundleJob& solved);
   void RemoveObservation(const KeypointRef& ref);
   void RemoveUnseenLandmarks(std::span<const LandmarkId> candidates, MapWriter::Update& update);
 

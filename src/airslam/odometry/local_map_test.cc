@@ -123,7 +123,7 @@ TEST_F(LocalMapTest, OutliersAreRemovedAndLandmarksThatNobodySees) {
   const LandmarkId kept = map_.AddLandmark({0, 0, 5});
   const LandmarkId lost = map_.AddLandmark({1, 0, 5});
   Add({kept, lost});
-  Add({kept});
+  Add({kept, lost});
   BundleJob job = SolvedJob();
   for (std::size_t i = 0; i < job.observations.size(); ++i) {
     const KeypointRef& ref = job.observations[i];
@@ -141,6 +141,25 @@ TEST_F(LocalMapTest, OutliersAreRemovedAndLandmarksThatNobodySees) {
   EXPECT_EQ(update.keyframe_landmarks[0].second, map_.map().keyframes.at(0).landmarks);
   ASSERT_EQ(update.landmarks.size(), 1u);
   EXPECT_EQ(update.landmarks[0].id, kept);
+}
+
+TEST_F(LocalMapTest, ALandmarkThatOneKeyframeSeesGoesAlongWithIt) {
+  const LandmarkId shared = map_.AddLandmark({0, 0, 5});
+  Add({shared});
+  const LandmarkId alone = map_.AddLandmark({1, 0, 5});
+  Add({shared, alone});
+  BundleJob job = SolvedJob();
+  EXPECT_THAT(job.landmarks, ElementsAre(shared));
+  job.problem.world_from_cam[1].translation.y() += 2;
+  const Eigen::Vector3d in_cam =
+      map_.map().keyframes.at(1).world_from_cam.Inverse() * Eigen::Vector3d(1, 0, 5);
+  const MapWriter::Update update = map_.Apply(job);
+  const Eigen::Vector3d& moved = map_.map().landmarks.at(alone).point_in_world;
+  EXPECT_NEAR(moved.y(), 2, 1e-12);
+  EXPECT_NEAR((map_.map().keyframes.at(1).world_from_cam.Inverse() * moved - in_cam).norm(), 0,
+              1e-12);
+  ASSERT_EQ(update.landmarks.size(), 2u);
+  EXPECT_EQ(update.landmarks[1].point_in_world, moved);
 }
 
 TEST_F(LocalMapTest, AKeyframeOfTheMapCanSeeALandmarkThatIsAddedLater) {

@@ -2,6 +2,7 @@
 #include "airslam/odometry/pipeline.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <functional>
@@ -65,9 +66,9 @@ double PositionError(const Trajectory& estimate, const Trajectory& truth) {
   const Rigid3 align = truth[0].world_from_body * estimate[0].world_from_body.Inverse();
   double squares = 0;
   for (std::size_t i = 0; i < estimate.size(); ++i) {
-    squares += (align * estimate[i].world_from_body.translation -
-                truth[i].world_from_body.translation)
-                   .squaredNorm();
+    squares +=
+        (align * estimate[i].world_from_body.translation - truth[i].world_from_body.translation)
+            .squaredNorm();
   }
   return std::sqrt(squares / static_cast<double>(estimate.size()));
 }
@@ -87,8 +88,8 @@ TEST(Pipeline, TracksEveryFrameOfTheSyntheticWorld) {
 
 TEST(Pipeline, RepeatsBitByBit) {
   const SyntheticSequence sequence(Options(25));
-  const std::filesystem::path folder =
-      std::filesystem::path(::testing::TempDir()) / "airslam_pipeline_repeats";
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) /
+                                       ("airslam_pipeline_repeats_" + std::to_string(getpid()));
   std::filesystem::remove_all(folder);
   std::filesystem::create_directories(folder);
   std::vector<std::string> digests;
@@ -115,7 +116,8 @@ TEST(Pipeline, RepeatsBitByBit) {
 TEST(Pipeline, TheRecordedMapIsTheMapInMemory) {
   const SyntheticSequence sequence(Options(25));
   const std::filesystem::path file =
-      std::filesystem::path(::testing::TempDir()) / "airslam_pipeline_recorded.db";
+      std::filesystem::path(::testing::TempDir()) /
+      ("airslam_pipeline_recorded_" + std::to_string(getpid()) + ".db");
   std::filesystem::remove(file);
   const StereoRectifier rectifier(sequence.rig());
   StageTimes times;
@@ -127,8 +129,7 @@ TEST(Pipeline, TheRecordedMapIsTheMapInMemory) {
   ASSERT_EQ(map.landmarks.size(), result.map.landmarks.size());
   for (const auto& [id, keyframe] : result.map.keyframes) {
     EXPECT_EQ(map.keyframes.at(id).landmarks, keyframe.landmarks);
-    EXPECT_EQ(map.keyframes.at(id).world_from_cam.translation,
-              keyframe.world_from_cam.translation);
+    EXPECT_EQ(map.keyframes.at(id).world_from_cam.translation, keyframe.world_from_cam.translation);
   }
   for (const auto& [id, landmark] : result.map.landmarks) {
     EXPECT_EQ(map.landmarks.at(id).point_in_world, landmark.point_in_world);
@@ -187,12 +188,10 @@ TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   SyntheticDetector works;
   SyntheticMatcher matcher;
   StageTimes times;
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
-      std::runtime_error);
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
-      std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
+               std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
+               std::runtime_error);
 }
 
 TEST(Pipeline, FramesHangOnKeyframesThatExist) {
