@@ -13,12 +13,7 @@
 namespace airslam {
 namespace {
 
-// The factors of one observation; `right` is null where it has no right image.
-struct ObservationFactors {
-  std::unique_ptr<PointFactor> left;
-  std::unique_ptr<RightPointFactor> right;
-};
-using Factors = std::vector<ObservationFactors>;
+using Factors = std::vector<std::unique_ptr<PointFactor>>;
 
 // The parameter blocks that Ceres moves.
 struct Parameters {
@@ -39,12 +34,10 @@ int SolveRound(const BundleProblem& bundle, const Factors& factors,
   for (std::size_t i = 0; i < factors.size(); ++i) {
     if (outlier[i]) continue;
     const BundleProblem::Observation& o = bundle.observations[i];
-    double* pose = parameters.poses[o.pose].data();
-    double* point = parameters.points[o.point].data();
-    problem.AddResidualBlock(factors[i].left.get(), &loss, pose, point);
-    if (factors[i].right) problem.AddResidualBlock(factors[i].right.get(), &loss, pose, point);
-    solver.linear_solver_ordering->AddElementToGroup(point, 0);
-    solver.linear_solver_ordering->AddElementToGroup(pose, 1);
+    problem.AddResidualBlock(factors[i].get(), &loss, parameters.poses[o.pose].data(),
+                             parameters.points[o.point].data());
+    solver.linear_solver_ordering->AddElementToGroup(parameters.points[o.point].data(), 0);
+    solver.linear_solver_ordering->AddElementToGroup(parameters.poses[o.pose].data(), 1);
   }
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     double* pose = parameters.poses[i].data();
@@ -63,13 +56,14 @@ int SolveRound(const BundleProblem& bundle, const Factors& factors,
 }
 
 // Squared residual of one observation, summed over its 2 or 3 coordinates.
-double SquaredError(const ObservationFactors& factors, const BundleProblem::Observation& o,
+double SquaredError(const PointFactor& factor, const BundleProblem::Observation& o,
                     const Parameters& parameters) {
+  double residuals[3];
   const double* blocks[] = {parameters.poses[o.pose].data(), parameters.points[o.point].data()};
-  Eigen::Vector2d left, right = Eigen::Vector2d::Zero();
-  factors.left->Evaluate(blocks, left.data(), nullptr);
-  if (factors.right) factors.right->Evaluate(blocks, right.data(), nullptr);
-  return left.squaredNorm() + right.squaredNorm();
+  factor.Evaluate(blocks, residuals, nullptr);
+  double squares = 0;
+  for (int i = 0; i < factor.num_residuals(); ++i) squares += residuals[i] * residuals[i];
+  return squares;
 }
 
 // Marks outliers (when max_error is not zero) and returns the rms per coordinate of the others.
@@ -78,8 +72,8 @@ double Judge(const BundleProblem& bundle, const Factors& factors, const Paramete
   double squares = 0;
   int coordinates = 0;
   for (std::size_t i = 0; i < factors.size(); ++i) {
-    const double error = SquaredError(factors[i], bundle.observations[i], parameters);
-    const int rows = factors[i].right ? 3 : 2;
+    const double error = SquaredError(*factors[i], bundle.observations[i], parameters);
+    const int rows = factors[i]->num_residuals();
     if (max_error > 0) outlier[i] = error * 2 / rows > max_error * max_error;
     if (outlier[i]) continue;
     squares += error;
@@ -97,10 +91,7 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   Factors factors;
   factors.reserve(problem->observations.size());
   for (const BundleProblem::Observation& o : problem->observations) {
-    factors.push_back({std::make_unique<PointFactor>(problem->stereo, o.seen),
-                       o.seen.has_right()
-                           ? std::make_unique<RightPointFactor>(problem->stereo, o.seen)
-                           : nullptr});
+    factors.push_back(std::make_unique<PointFactor>(problem->stereo, o.seen));
   }
   BundleSummary summary;
   summary.outlier.assign(factors.size(), false);
@@ -110,7 +101,8 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   Judge(*problem, factors, parameters, options.max_error, summary.outlier);
   summary.iterations += SolveRound(*problem, factors, summary.outlier, options.huber,
                                    options.final_iterations, parameters);
-  summary.final_rms = Judge(*problem, factors, parameters, options.max_error, summary.outlier);
+  summary.final_rms =
+      Judge(*problem, factors, parameters, options.max_error, summary.outlier);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     if (!problem->pose_fixed[i]) problem->world_from_cam[i] = FromParameter(parameters.poses[i]);
   }

@@ -34,100 +34,77 @@ CameraPoint ToCamera(const double* pose, const double* point_in_world) {
   return result;
 }
 
-// Residual (u, v, u_right) of one observation and what its derivatives are made of.
-struct PointTerms {
-  Eigen::Vector3d residual;
-  Eigen::Matrix3d by_camera_point;
-  CameraPoint camera_point;
-};
-
-PointTerms ComputeTerms(const StereoCamera& stereo, const PointObservation& seen,
-                        const double* pose, const double* point_in_world) {
-  PointTerms terms;
-  terms.camera_point = ToCamera(pose, point_in_world);
-  const Eigen::Vector3d& p = terms.camera_point.point;
-  terms.by_camera_point.setZero();
-  if (p.z() < kMinDepth) {
-    terms.residual.setConstant(PointFactor::kBehindResidual);
-    return terms;
-  }
-  const Pinhole& camera = stereo.camera;
-  const double weight = 1.0 / seen.sigma;
-  const double inverse_depth = 1.0 / p.z();
-  const Eigen::Vector2d pixel = camera.Project(p);
-  const double disparity = camera.fx * stereo.baseline * inverse_depth;
-  terms.residual = weight * Eigen::Vector3d(pixel.x() - seen.pixel.x(), pixel.y() - seen.pixel.y(),
-                                            pixel.x() - disparity - seen.right_x);
-  Eigen::Matrix3d& by_p = terms.by_camera_point;
-  by_p(0, 0) = weight * camera.fx * inverse_depth;
-  by_p(0, 2) = -weight * (pixel.x() - camera.cx) * inverse_depth;
-  by_p(1, 1) = weight * camera.fy * inverse_depth;
-  by_p(1, 2) = -weight * (pixel.y() - camera.cy) * inverse_depth;
-  by_p(2, 0) = by_p(0, 0);
-  by_p(2, 2) = by_p(0, 2) + weight * disparity * inverse_depth;
-  return terms;
-}
-
-// Rows of the derivatives by pose and by point, where Ceres wants them.
 template <int kRows>
 void FillJacobians(const Eigen::Matrix<double, kRows, 3>& by_camera_point, const CameraPoint& p,
-                   double* by_pose, double* by_point) {
-  if (by_pose != nullptr) {
-    Eigen::Map<Eigen::Matrix<double, kRows, 7, Eigen::RowMajor>> rows(by_pose);
-    rows.template leftCols<4>() = by_camera_point * p.by_quaternion;
-    rows.template rightCols<3>() = -by_camera_point * p.by_point;
+                   double** jacobians) {
+  if (jacobians[0] != nullptr) {
+    Eigen::Map<Eigen::Matrix<double, kRows, 7, Eigen::RowMajor>> by_pose(jacobians[0]);
+    by_pose.template leftCols<4>() = by_camera_point * p.by_quaternion;
+    by_pose.template rightCols<3>() = -by_camera_point * p.by_point;
   }
-  if (by_point != nullptr) {
-    Eigen::Map<Eigen::Matrix<double, kRows, 3, Eigen::RowMajor>> rows(by_point);
-    rows = by_camera_point * p.by_point;
+  if (jacobians[1] != nullptr) {
+    Eigen::Map<Eigen::Matrix<double, kRows, 3, Eigen::RowMajor>> by_point(jacobians[1]);
+    by_point = by_camera_point * p.by_point;
   }
 }
 
 }  // namespace
 
-bool PointFactor::Evaluate(double const* const* parameters, double* residuals,
-                           double** jacobians) const {
-  const PointTerms terms = ComputeTerms(stereo_, observation_, parameters[0], parameters[1]);
-  Eigen::Vector2d::Map(residuals) = terms.residual.head<2>();
-  if (jacobians != nullptr) {
-    FillJacobians<2>(terms.by_camera_point.topRows<2>(), terms.camera_point, jacobians[0],
-                     jacobians[1]);
-  }
-  return true;
+PointFactor::PointFactor(const StereoCamera& stereo, const PointObservation& observation)
+    : stereo_(stereo), observation_(observation) {
+  set_num_residuals(observation.has_right() ? 3 : 2);
+  *mutable_parameter_block_sizes() = {7, 3};
 }
 
-bool RightPointFactor::Evaluate(double const* const* parameters, double* residuals,
-                                double** jacobians) const {
-  const PointTerms terms = ComputeTerms(stereo_, observation_, parameters[0], parameters[1]);
-  residuals[0] = terms.residual[2];
-  residuals[1] = 0;
+bool PointFactor::Evaluate(double const* const* parameters, double* residuals,
+                           double** jacobians) const {
+  const int rows = num_residuals();
+  const CameraPoint p = ToCamera(parameters[0], parameters[1]);
+  if (p.point.z() < kMinDepth) {
+    std::fill(residuals, residuals + rows, kBehindResidual);
+    if (jacobians != nullptr) {
+      if (jacobians[0] != nullptr) std::fill(jacobians[0], jacobians[0] + 7 * rows, 0.0);
+      if (jacobians[1] != nullptr) std::fill(jacobians[1], jacobians[1] + 3 * rows, 0.0);
+    }
+    return true;
+  }
+  const Pinhole& camera = stereo_.camera;
+  const double weight = 1.0 / observation_.sigma;
+  const double inverse_depth = 1.0 / p.point.z();
+  const Eigen::Vector2d pixel = camera.Project(p.point);
+  residuals[0] = weight * (pixel.x() - observation_.pixel.x());
+  residuals[1] = weight * (pixel.y() - observation_.pixel.y());
+  const double disparity = camera.fx * stereo_.baseline * inverse_depth;
+  if (rows == 3) residuals[2] = weight * (pixel.x() - disparity - observation_.right_x);
   if (jacobians == nullptr) return true;
-  Eigen::Matrix<double, 2, 3> by_camera_point = Eigen::Matrix<double, 2, 3>::Zero();
-  by_camera_point.row(0) = terms.by_camera_point.row(2);
-  FillJacobians<2>(by_camera_point, terms.camera_point, jacobians[0], jacobians[1]);
+
+  Eigen::Matrix3d by_camera_point = Eigen::Matrix3d::Zero();
+  by_camera_point(0, 0) = weight * camera.fx * inverse_depth;
+  by_camera_point(0, 2) = -weight * (pixel.x() - camera.cx) * inverse_depth;
+  by_camera_point(1, 1) = weight * camera.fy * inverse_depth;
+  by_camera_point(1, 2) = -weight * (pixel.y() - camera.cy) * inverse_depth;
+  by_camera_point(2, 0) = by_camera_point(0, 0);
+  by_camera_point(2, 2) = by_camera_point(0, 2) + weight * disparity * inverse_depth;
+  if (rows == 3) {
+    FillJacobians<3>(by_camera_point, p, jacobians);
+  } else {
+    FillJacobians<2>(by_camera_point.topRows<2>(), p, jacobians);
+  }
   return true;
 }
 
 FixedPointFactor::FixedPointFactor(const StereoCamera& stereo, const PointObservation& observation,
                                    const Eigen::Vector3d& point_in_world)
-    : stereo_(stereo), observation_(observation), point_in_world_(point_in_world) {
-  set_num_residuals(observation.has_right() ? 3 : 2);
+    : factor_(stereo, observation), point_in_world_(point_in_world) {
+  set_num_residuals(factor_.num_residuals());
   *mutable_parameter_block_sizes() = {7};
 }
 
 bool FixedPointFactor::Evaluate(double const* const* parameters, double* residuals,
                                 double** jacobians) const {
-  const PointTerms terms =
-      ComputeTerms(stereo_, observation_, parameters[0], point_in_world_.data());
-  const bool both = observation_.has_right();
-  Eigen::VectorXd::Map(residuals, num_residuals()) = terms.residual.head(num_residuals());
-  if (jacobians == nullptr) return true;
-  if (both) {
-    FillJacobians<3>(terms.by_camera_point, terms.camera_point, jacobians[0], nullptr);
-  } else {
-    FillJacobians<2>(terms.by_camera_point.topRows<2>(), terms.camera_point, jacobians[0], nullptr);
-  }
-  return true;
+  const double* blocks[] = {parameters[0], point_in_world_.data()};
+  double* by_block[] = {jacobians != nullptr ? jacobians[0] : nullptr, nullptr};
+  return factor_.Evaluate(blocks, residuals, jacobians != nullptr ? by_block : nullptr);
 }
 
 }  // namespace airslam

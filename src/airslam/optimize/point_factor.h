@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <ceres/sized_cost_function.h>
+#include <ceres/cost_function.h>
 
 #include "airslam/geometry/pinhole.h"
 
@@ -16,19 +16,18 @@ struct PointObservation {
   bool has_right() const { return right_x >= 0; }
 };
 
-// Point re-projection error in the left image (paper, eq. 11; signs: projected minus observed), in
-// units of sigma: (u, v). Parameters: PoseParameter of world_from_cam (7), point_in_world (3).
-// Derivatives are with respect to the plain quaternion coefficients; the pose block needs a
-// PoseManifold. Derivation: docs/factors.md.
+// Point re-projection error (paper, eq. 11; signs: projected minus observed), in units of sigma:
+// (u, v) or, for a stereo observation, (u, v, u_right). Parameters: PoseParameter of
+// world_from_cam (7), point_in_world (3). Derivatives are with respect to the plain quaternion
+// coefficients; the pose block needs a PoseManifold. Derivation: docs/factors.md.
 //
 // A point at or behind the camera has a constant residual of kBehindResidual and no derivative, so
 // that it counts as an outlier instead of stopping the solver.
-class PointFactor final : public ceres::SizedCostFunction<2, 7, 3> {
+class PointFactor final : public ceres::CostFunction {
  public:
   static constexpr double kBehindResidual = 100.0;
 
-  PointFactor(const StereoCamera& stereo, const PointObservation& observation)
-      : stereo_(stereo), observation_(observation) {}
+  PointFactor(const StereoCamera& stereo, const PointObservation& observation);
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
@@ -38,24 +37,7 @@ class PointFactor final : public ceres::SizedCostFunction<2, 7, 3> {
   PointObservation observation_;
 };
 
-// The same in the right image, for an observation that has one: (u_right, 0). v is that of the left
-// image already. The second row is there because Ceres eliminates points several times faster when
-// all blocks that see them have two rows (its Schur complement is compiled for 2, 3, 6).
-class RightPointFactor final : public ceres::SizedCostFunction<2, 7, 3> {
- public:
-  RightPointFactor(const StereoCamera& stereo, const PointObservation& observation)
-      : stereo_(stereo), observation_(observation) {}
-
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  StereoCamera stereo_;
-  PointObservation observation_;
-};
-
-// Both with a point that is known: (u, v) or, for a stereo observation, (u, v, u_right). One
-// parameter block, the pose (7).
+// The same with a point that is known: one parameter block, the pose (7).
 class FixedPointFactor final : public ceres::CostFunction {
  public:
   FixedPointFactor(const StereoCamera& stereo, const PointObservation& observation,
@@ -65,8 +47,7 @@ class FixedPointFactor final : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  StereoCamera stereo_;
-  PointObservation observation_;
+  PointFactor factor_;
   Eigen::Vector3d point_in_world_;
 };
 

@@ -26,24 +26,22 @@ TEST(PointFactor, ProjectsIntoBothImages) {
   const PoseParameter pose = ToParameter(kWorldFromCam);
   const Eigen::Vector3d point = kWorldFromCam * kPointInCam;
   const PointObservation seen{{100, 200}, 80, 0.5};
+  const PointFactor factor(kStereo, seen);
   const double* blocks[] = {pose.data(), point.data()};
-  double left[2], right[2];
-  ASSERT_TRUE(PointFactor(kStereo, seen).Evaluate(blocks, left, nullptr));
-  ASSERT_TRUE(RightPointFactor(kStereo, seen).Evaluate(blocks, right, nullptr));
+  double residuals[3];
+  ASSERT_TRUE(factor.Evaluate(blocks, residuals, nullptr));
   const double u = 450 * 0.7 / 3.2 + 320, v = 470 * -0.4 / 3.2 + 240;
-  EXPECT_NEAR(left[0], (u - 100) / 0.5, 1e-9);
-  EXPECT_NEAR(left[1], (v - 200) / 0.5, 1e-9);
-  EXPECT_NEAR(right[0], (u - 450 * 0.12 / 3.2 - 80) / 0.5, 1e-9);
-  EXPECT_EQ(right[1], 0);
+  EXPECT_NEAR(residuals[0], (u - 100) / 0.5, 1e-9);
+  EXPECT_NEAR(residuals[1], (v - 200) / 0.5, 1e-9);
+  EXPECT_NEAR(residuals[2], (u - 450 * 0.12 / 3.2 - 80) / 0.5, 1e-9);
 }
 
-TEST(PointFactor, JacobiansOfBothImages) {
+TEST(PointFactor, JacobianOfStereoAndMonocularObservations) {
   const PoseParameter pose = ToParameter(kWorldFromCam);
   const Eigen::Vector3d point = kWorldFromCam * kPointInCam;
   const PoseManifold manifold;
-  const PointObservation seen{{100, 200}, 80, 0.5};
-  CheckGradient(PointFactor(kStereo, seen), {pose.data(), point.data()}, manifold);
-  CheckGradient(RightPointFactor(kStereo, seen), {pose.data(), point.data()}, manifold);
+  CheckGradient(PointFactor(kStereo, {{100, 200}, 80, 0.5}), {pose.data(), point.data()}, manifold);
+  CheckGradient(PointFactor(kStereo, {{100, 200}, -1, 2.0}), {pose.data(), point.data()}, manifold);
 }
 
 TEST(FixedPointFactor, Jacobian) {
@@ -54,26 +52,13 @@ TEST(FixedPointFactor, Jacobian) {
   CheckGradient(FixedPointFactor(kStereo, {{100, 200}, 70, 0.7}, point), {pose.data()}, manifold);
 }
 
-TEST(FixedPointFactor, AgreesWithTheFactorsOfBothImages) {
-  const PoseParameter pose = ToParameter(kWorldFromCam);
-  const Eigen::Vector3d point = kWorldFromCam * kPointInCam;
-  const PointObservation seen{{100, 200}, 80, 0.5};
-  const double* blocks[] = {pose.data(), point.data()};
-  double left[2], right[2], all[3];
-  PointFactor(kStereo, seen).Evaluate(blocks, left, nullptr);
-  RightPointFactor(kStereo, seen).Evaluate(blocks, right, nullptr);
-  FixedPointFactor(kStereo, seen, point).Evaluate(blocks, all, nullptr);
-  EXPECT_EQ(all[0], left[0]);
-  EXPECT_EQ(all[1], left[1]);
-  EXPECT_EQ(all[2], right[0]);
-}
-
 TEST(PointFactor, PointBehindTheCameraIsAnOutlierWithoutDerivative) {
   const PoseParameter pose = ToParameter(kWorldFromCam);
   const Eigen::Vector3d point = kWorldFromCam * Eigen::Vector3d(0, 0, -1);
   const PointFactor factor(kStereo, {{100, 200}, 80, 1});
   const double* blocks[] = {pose.data(), point.data()};
-  double residuals[2], by_pose[14], by_point[6];
+  double residuals[3];
+  double by_pose[21], by_point[9];
   double* jacobians[] = {by_pose, by_point};
   ASSERT_TRUE(factor.Evaluate(blocks, residuals, jacobians));
   for (double r : residuals) EXPECT_EQ(r, PointFactor::kBehindResidual);
