@@ -34,9 +34,9 @@ TEST(MotionModel, IsLessSureOfALaterTime) {
   const MotionModel model = AfterTwoFrames();
   const PosePrior near = model.Predict(2 * kPeriod, kReference);
   const PosePrior far = model.Predict(4 * kPeriod, kReference);
-  EXPECT_GT(near.sigma_rotation, 0);
-  EXPECT_GT(far.sigma_rotation, 2 * near.sigma_rotation);
-  EXPECT_GT(far.sigma_position, 2 * near.sigma_position);
+  EXPECT_GT(near.SigmaRotation(), 0);
+  EXPECT_GT(far.SigmaRotation(), 2 * near.SigmaRotation());
+  EXPECT_GT(far.SigmaPosition(), 2 * near.SigmaPosition());
 }
 
 TEST(MotionModel, ExpectsTheLastPoseWhereTheVelocityIsNotKnown) {
@@ -50,15 +50,15 @@ TEST(MotionModel, ExpectsTheLastPoseWhereTheVelocityIsNotKnown) {
   for (const MotionModel* model : {&one_frame, &reset, &after_gap}) {
     const PosePrior prior = model->Predict(21 * kPeriod, kReference);
     ExpectNear(prior.world_from_cam, kReference * kStep);
-    EXPECT_GT(prior.sigma_position, 100);
-    EXPECT_GT(prior.sigma_rotation, 100);
+    EXPECT_GT(prior.SigmaPosition(), 100);
+    EXPECT_GT(prior.SigmaRotation(), 100);
   }
 }
 
 TEST(MotionModel, DoesNotExtrapolateFar) {
   const PosePrior prior = AfterTwoFrames().Predict(20 * kPeriod, kReference);
   ExpectNear(prior.world_from_cam, kReference * kStep);
-  EXPECT_GT(prior.sigma_position, 100);
+  EXPECT_GT(prior.SigmaPosition(), 100);
 }
 
 TEST(MotionModel, FollowsItsKeyframeWhenThatIsOptimized) {

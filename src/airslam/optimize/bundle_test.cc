@@ -89,6 +89,37 @@ TEST(OptimizePose, APriorHoldsWhatFewPointsLeaveOpen) {
   EXPECT_GT(error({}), 0.03);
 }
 
+// The scatter of poses found from noisy points is what PoseInformation says.
+TEST(OptimizePose, TheInformationIsThatOfTheScatter) {
+  const Scene scene = MakeScene(1, 60, 0);
+  std::vector<PointConstraint> constraints;
+  for (const auto& o : scene.observations) constraints.push_back({scene.points[o.point], o.seen});
+  const Matrix6d information = PoseInformation(scene.stereo, constraints, scene.poses[0]);
+  std::mt19937 random(3);
+  double nees = 0;
+  constexpr int kRuns = 300;
+  const Rigid3 cam_from_world = scene.poses[0].Inverse();
+  for (int run = 0; run < kRuns; ++run) {
+    for (PointConstraint& c : constraints) {
+      const Eigen::Vector3d p = cam_from_world * c.point_in_world;
+      PointObservation& seen = c.observation;
+      const Eigen::Vector2d exact = scene.stereo.camera.Project(p);
+      std::normal_distribution<double> noise(0, seen.sigma);
+      seen.pixel = exact + Eigen::Vector2d(noise(random), noise(random));
+      if (!seen.has_right()) continue;
+      seen.right_x = exact.x() - scene.stereo.Disparity(p.z()) + noise(random);
+    }
+    const Rigid3 pose =
+        OptimizePose(scene.stereo, constraints, scene.poses[0], {}, {.max_error = 100})
+            .world_from_cam;
+    Eigen::Matrix<double, 6, 1> error;
+    error << LogSO3(scene.poses[0].rotation.conjugate() * pose.rotation),
+        pose.translation - scene.poses[0].translation;
+    nees += error.dot(information * error) / kRuns;
+  }
+  EXPECT_NEAR(nees, 6, 4 * std::sqrt(2 * 6.0 / kRuns));  // 4 standard deviations of the mean
+}
+
 TEST(OptimizePose, TooFewConstraintsGiveNoInliers) {
   const PoseOptimizationResult result = OptimizePose({}, std::vector<PointConstraint>(3), {}, {}, {});
   EXPECT_EQ(result.inliers, 0);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 
+#include "airslam/geometry/so3.h"
 #include "airslam/optimize/pose_parameter.h"
 
 namespace airslam {
@@ -52,6 +53,30 @@ double PixelError(const FixedPointFactor& factor, const PoseParameter& pose) {
 }
 
 }  // namespace
+
+Matrix6d PoseInformation(const StereoCamera& stereo,
+                         const std::vector<PointConstraint>& constraints,
+                         const Rigid3& world_from_cam) {
+  const Pinhole& camera = stereo.camera;
+  const Rigid3 cam_from_world = world_from_cam.Inverse();
+  Eigen::Matrix<double, 3, 6> point_by_pose;
+  point_by_pose.rightCols<3>() = -cam_from_world.rotation.toRotationMatrix();
+  Matrix6d information = Matrix6d::Zero();
+  for (const PointConstraint& c : constraints) {
+    const Eigen::Vector3d p = cam_from_world * c.point_in_world;
+    if (p.z() <= 0) continue;
+    point_by_pose.leftCols<3>() = Skew(p);
+    const double x = camera.fx / p.z(), y = camera.fy / p.z();
+    Eigen::Matrix3d pixel_by_point;
+    pixel_by_point << x, 0, -x * p.x() / p.z(), 0, y, -y * p.y() / p.z(), x, 0,
+        -x * (p.x() - stereo.baseline) / p.z();
+    if (!c.observation.has_right()) pixel_by_point.row(2).setZero();
+    const Eigen::Matrix<double, 3, 6> by_pose =
+        pixel_by_point * point_by_pose / c.observation.sigma;
+    information += by_pose.transpose() * by_pose;
+  }
+  return information;
+}
 
 PoseOptimizationResult OptimizePose(const StereoCamera& stereo,
                                     const std::vector<PointConstraint>& constraints,

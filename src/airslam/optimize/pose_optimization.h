@@ -31,6 +31,12 @@ struct PoseOptimizationResult {
   double rms = 0;  // of the inliers' pixel distances, in sigmas
 };
 
+// Inverse covariance of a pose as the points alone give it, in the order of PosePrior's errors.
+// Each constraint counts with its own sigma; points behind the camera do not count.
+Matrix6d PoseInformation(const StereoCamera& stereo,
+                         const std::vector<PointConstraint>& constraints,
+                         const Rigid3& world_from_cam);
+
 // Motion-only optimization with outlier rejection (paper, section V-A), and with a prior if there
 // is one. Needs at least 4 constraints; with fewer the start is returned with no inlier.
 // Deterministic.

@@ -7,17 +7,28 @@
 
 namespace airslam {
 
-// What is known of a pose beforehand, with standard deviations of its rotation (radians, about the
-// camera's axes) and its position (metres).
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+// What is known of a pose beforehand. Errors have the order (rotation about the camera's axes in
+// radians, position in world in metres).
 struct PosePrior {
   Rigid3 world_from_cam;
-  double sigma_rotation = 1;
-  double sigma_position = 1;
+  Matrix6d weight = Matrix6d::Identity();  // W: W' W is the inverse of the errors' covariance
+
+  PosePrior() = default;
+  PosePrior(const Rigid3& pose, double sigma_rotation, double sigma_position);
+  // Throws Error when the covariance is not positive definite.
+  static PosePrior FromCovariance(const Rigid3& pose, const Matrix6d& covariance);
+
+  // Standard deviations of the direction that is known least.
+  double SigmaRotation() const;
+  double SigmaPosition() const;
 };
 
-// Distance of a pose from its prior, in sigmas: twice the vector part of prior^-1 * q (the rotation
-// vector, for the small angles that a prior is about), then the difference of positions. Parameters:
-// PoseParameter of world_from_cam (7). Derivation: docs/factors.md.
+// Distance of a pose from its prior, in sigmas: the weight times (twice the vector part of
+// prior^-1 * q, which is the rotation vector for the small angles that a prior is about, and the
+// difference of positions). Parameters: PoseParameter of world_from_cam (7). Derivation:
+// docs/factors.md.
 class PosePriorFactor final : public ceres::SizedCostFunction<6, 7> {
  public:
   explicit PosePriorFactor(const PosePrior& prior) : prior_(prior) {}

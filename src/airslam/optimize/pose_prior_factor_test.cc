@@ -4,6 +4,9 @@
 #include <ceres/gradient_checker.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+
+#include "airslam/common/error.h"
 #include "airslam/geometry/so3.h"
 #include "airslam/optimize/pose_parameter.h"
 
@@ -28,8 +31,36 @@ TEST(PosePriorFactor, MeasuresRotationAndPositionInSigmas) {
   }
 }
 
+// Rotation and position hang together, as in a prediction by the IMU.
+Matrix6d CorrelatedCovariance() {
+  Matrix6d root = Matrix6d::Identity() * 0.2;
+  root(0, 0) = 0.05;
+  root(4, 0) = 0.3;
+  root(5, 1) = -0.1;
+  return root * root.transpose();
+}
+
+TEST(PosePriorFactor, WeighsByTheWholeCovariance) {
+  const Matrix6d covariance = CorrelatedCovariance();
+  Eigen::Matrix<double, 6, 1> error;
+  error << 0.001, -0.002, 0.001, 0.2, -0.1, 0.3;
+  Rigid3 pose = kPrior;
+  pose.rotation = pose.rotation * ExpSO3(error.head<3>());
+  pose.translation += error.tail<3>();
+  const PoseParameter parameter = ToParameter(pose);
+  const double* blocks[] = {parameter.data()};
+  Eigen::Matrix<double, 6, 1> residuals;
+  const PosePrior prior = PosePrior::FromCovariance(kPrior, covariance);
+  PosePriorFactor(prior).Evaluate(blocks, residuals.data(), nullptr);
+  EXPECT_NEAR(residuals.squaredNorm(), error.dot(covariance.inverse() * error), 1e-6);
+  EXPECT_NEAR(prior.SigmaPosition(),
+              std::sqrt(covariance.bottomRightCorner<3, 3>().eigenvalues().real().maxCoeff()),
+              1e-9);
+  EXPECT_THROW(PosePrior::FromCovariance(kPrior, -covariance), Error);
+}
+
 TEST(PosePriorFactor, Jacobian) {
-  const PosePriorFactor factor({kPrior, 0.1, 0.5});
+  const PosePriorFactor factor(PosePrior::FromCovariance(kPrior, CorrelatedCovariance()));
   const PoseManifold manifold;
   const std::vector<const ceres::Manifold*> manifolds = {&manifold};
   const PoseParameter pose =
