@@ -21,24 +21,31 @@ struct Parameters {
   std::vector<Eigen::Vector3d> points;
 };
 
-int SolveRound(const BundleProblem& bundle, const Factors& factors,
-               const std::vector<bool>& outlier, double huber, int iterations,
-               Parameters& parameters) {
+// What one round of solving takes besides the problem.
+struct Round {
+  const std::vector<bool>& outlier;
+  double huber;
+  int iterations;
+};
+
+int SolveRound(const BundleProblem& bundle, const Factors& factors, const Round& round,
+               Parameters& parameters, InertialBundle& inertial) {
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
-  ceres::HuberLoss loss(huber);
+  ceres::HuberLoss loss(round.huber);
   ceres::Solver::Options solver;
   solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (std::size_t i = 0; i < factors.size(); ++i) {
-    if (outlier[i]) continue;
+    if (round.outlier[i]) continue;
     const BundleProblem::Observation& o = bundle.observations[i];
     problem.AddResidualBlock(factors[i].get(), &loss, parameters.poses[o.pose].data(),
                              parameters.points[o.point].data());
     solver.linear_solver_ordering->AddElementToGroup(parameters.points[o.point].data(), 0);
     solver.linear_solver_ordering->AddElementToGroup(parameters.poses[o.pose].data(), 1);
   }
+  inertial.AddTo(parameters.poses, 1, problem, *solver.linear_solver_ordering);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     double* pose = parameters.poses[i].data();
     if (!problem.HasParameterBlock(pose)) continue;
@@ -46,7 +53,7 @@ int SolveRound(const BundleProblem& bundle, const Factors& factors,
     if (bundle.pose_fixed[i]) problem.SetParameterBlockConstant(pose);
   }
   solver.linear_solver_type = ceres::DENSE_SCHUR;
-  solver.max_num_iterations = iterations;
+  solver.max_num_iterations = round.iterations;
   solver.function_tolerance = 1e-4;  // of the cost: further steps move nothing that matters
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
@@ -96,17 +103,21 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   BundleSummary summary;
   summary.outlier.assign(factors.size(), false);
   summary.initial_rms = Judge(*problem, factors, parameters, 0, summary.outlier);
-  summary.iterations = SolveRound(*problem, factors, summary.outlier, options.huber,
-                                  options.robust_iterations, parameters);
+  InertialBundle inertial(problem->inertial);
+  summary.iterations =
+      SolveRound(*problem, factors, {summary.outlier, options.huber, options.robust_iterations},
+                 parameters, inertial);
   Judge(*problem, factors, parameters, options.max_error, summary.outlier);
-  summary.iterations += SolveRound(*problem, factors, summary.outlier, options.huber,
-                                   options.final_iterations, parameters);
+  summary.iterations +=
+      SolveRound(*problem, factors, {summary.outlier, options.huber, options.final_iterations},
+                 parameters, inertial);
   summary.final_rms =
       Judge(*problem, factors, parameters, options.max_error, summary.outlier);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     if (!problem->pose_fixed[i]) problem->world_from_cam[i] = FromParameter(parameters.poses[i]);
   }
   problem->points_in_world = parameters.points;
+  inertial.CopyTo(problem->inertial);
   return summary;
 }
 

@@ -5,6 +5,7 @@
 
 #include "airslam/geometry/pinhole.h"
 #include "airslam/geometry/rigid3.h"
+#include "airslam/optimize/inertial_bundle.h"
 #include "airslam/optimize/point_factor.h"
 
 namespace airslam {
@@ -16,7 +17,8 @@ struct BundleOptions {
   double max_error = 3.5;     // in sigmas, of the pixel distance: beyond it an outlier
 };
 
-// Keyframe poses, points and observations by position in these lists; solved in place.
+// Keyframe poses, points, observations and inertial states by position in these lists; solved in
+// place.
 struct BundleProblem {
   struct Observation {
     int pose = -1;
@@ -28,6 +30,7 @@ struct BundleProblem {
   std::vector<bool> pose_fixed;  // one a pose; at least one must be
   std::vector<Eigen::Vector3d> points_in_world;
   std::vector<Observation> observations;
+  InertialTerms inertial = {};
 };
 
 struct BundleSummary {
