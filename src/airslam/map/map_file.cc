@@ -61,10 +61,13 @@ void BindLandmark(SqliteStatement& statement, const Landmark& landmark) {
   statement.Bind(5, std::int64_t{landmark.first_seen_by});
 }
 
-Bytes EncodeInertialState(const Keyframe& keyframe) {
+Bytes EncodeInertialState(const MapWriter::Update::InertialState& state) {
   std::vector<double> values;
   for (const Eigen::Vector3d& v :
-       {keyframe.velocity_in_world, keyframe.gyroscope_bias, keyframe.accelerometer_bias}) {
+       {state.velocity_in_world, state.gyroscope_bias, state.accelerometer_bias}) {
+    if (!v.allFinite()) {
+      Fail("keyframe {} has a velocity or a bias that is not finite", state.keyframe);
+    }
     values.insert(values.end(), v.data(), v.data() + 3);
   }
   return EncodeArray<double>(values);
@@ -107,6 +110,7 @@ struct MapWriter::Impl {
           update_pose(db,
                       "UPDATE keyframes SET qw=?2, qx=?3, qy=?4, qz=?5, tx=?6, ty=?7, tz=?8 "
                       "WHERE id=?1"),
+          update_inertial_state(db, "UPDATE keyframes SET inertial_state=?2 WHERE id=?1"),
           update_landmark(db,
                           "UPDATE landmarks SET x=?2, y=?3, z=?4, first_seen_by=?5 WHERE id=?1"),
           update_observations(db,
@@ -114,7 +118,8 @@ struct MapWriter::Impl {
                               "WHERE keyframe_id=?1 AND length(landmarks) = length(?2)"),
           delete_landmark(db, "DELETE FROM landmarks WHERE id=?1") {}
     SqliteStatement insert_keyframe, insert_features, insert_observations, insert_landmark;
-    SqliteStatement update_pose, update_landmark, update_observations, delete_landmark;
+    SqliteStatement update_pose, update_inertial_state;
+    SqliteStatement update_landmark, update_observations, delete_landmark;
   };
   std::optional<Statements> sql;  // after `database`: finalized before it is closed
 };
@@ -220,7 +225,9 @@ void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> 
   RequireConsistent(keyframe);
   impl_->Transact([&] {
     SqliteStatement& insert = impl_->sql->insert_keyframe;
-    const Bytes inertial_state = EncodeInertialState(keyframe);
+    const Bytes inertial_state =
+        EncodeInertialState({keyframe.id, keyframe.velocity_in_world, keyframe.gyroscope_bias,
+                             keyframe.accelerometer_bias});
     insert.Bind(1, std::int64_t{keyframe.id});
     insert.Bind(2, keyframe.timestamp_ns);
     insert.Bind(3, std::int64_t{keyframe.component});
@@ -244,6 +251,12 @@ void MapWriter::Apply(const Update& update) {
       sql.update_pose.Bind(1, std::int64_t{id});
       BindPose(sql.update_pose, 2, pose);
       impl_->RunOn(sql.update_pose, "keyframe", id);
+    }
+    for (const Update::InertialState& state : update.inertial_states) {
+      const Bytes blob = EncodeInertialState(state);
+      sql.update_inertial_state.Bind(1, std::int64_t{state.keyframe});
+      sql.update_inertial_state.Bind(2, blob);
+      impl_->RunOn(sql.update_inertial_state, "keyframe", state.keyframe);
     }
     for (const Landmark& landmark : update.landmarks) {
       BindLandmark(sql.update_landmark, landmark);

@@ -32,15 +32,21 @@ class MapWriter {
   // Commits a new keyframe together with the landmarks that it created.
   void AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks);
 
-  // Commits what local bundle adjustment changed: poses of keyframes, positions of landmarks,
-  // observations and landmarks that were removed as outliers. All parts belong to known ids.
-  // Keyframes that still name a removed landmark are read back as not seeing it.
+  // Commits what local bundle adjustment changed: poses and inertial states of keyframes, positions
+  // of landmarks, observations and landmarks that were removed as outliers. All parts belong to
+  // known ids. Keyframes that still name a removed landmark are read back as not seeing it.
   struct Update {
     std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam = {};
     std::vector<Landmark> landmarks = {};
     // Keyframes whose keypoints' landmark ids changed: the whole new column.
     std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_landmarks = {};
     std::vector<LandmarkId> removed_landmarks = {};
+    // Velocity of the body in world (m/s) and biases (rad/s, m/s^2).
+    struct InertialState {
+      KeyframeId keyframe = -1;
+      Eigen::Vector3d velocity_in_world, gyroscope_bias, accelerometer_bias;
+    };
+    std::vector<InertialState> inertial_states = {};
   };
   void Apply(const Update& update);
 

@@ -149,6 +149,7 @@ TEST_F(MapFileTest, UpdateChangesWhatItNames) {
   column[3] = kNoLandmark;
   update.keyframe_landmarks = {{0, column}};
   update.removed_landmarks = {6};
+  update.inertial_states = {{1, {1, 2, 3}, {4, 5, 6}, {7, 8, 9}}};
   writer.Apply(update);
   writer.Close();
 
@@ -158,6 +159,10 @@ TEST_F(MapFileTest, UpdateChangesWhatItNames) {
   EXPECT_EQ(map.landmarks.at(3).point_in_world, Eigen::Vector3d(7, 8, 9));
   EXPECT_EQ(map.landmarks.at(2).point_in_world, TestLandmarks(first)[2].point_in_world);
   EXPECT_FALSE(map.landmarks.contains(6));
+  EXPECT_FALSE(map.keyframes.at(0).has_inertial_state);
+  EXPECT_TRUE(map.keyframes.at(1).has_inertial_state);
+  EXPECT_EQ(map.keyframes.at(1).velocity_in_world, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(map.keyframes.at(1).accelerometer_bias, Eigen::Vector3d(7, 8, 9));
   column[6] = kNoLandmark;  // was removed
   EXPECT_EQ(map.keyframes.at(0).landmarks, column);
   EXPECT_EQ(map.keyframes.at(1).landmarks[1], kNoLandmark);  // the same landmark
@@ -185,6 +190,8 @@ TEST_F(MapFileTest, InconsistentInputIsRefusedAsAWhole) {
   EXPECT_THAT(error_of_update({.landmarks = {{0, {1, 1, 1}, 5}}}), HasSubstr("FOREIGN KEY"));
   EXPECT_THAT(error_of_update({.keyframe_landmarks = {{0, {1, 2, 3}}}}),
               HasSubstr("as many keypoints: 0"));
+  EXPECT_THAT(error_of_update({.inertial_states = {{0, {nan, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}),
+              HasSubstr("not finite"));
   EXPECT_THAT(error_of_update({.removed_landmarks = {0, 99}}), HasSubstr("has no landmark 99"));
 
   EXPECT_THAT(ErrorOf([&] { writer.AddKeyframe(keyframe, {}); }), HasSubstr("UNIQUE"));
