@@ -146,6 +146,14 @@ MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
     map_.keyframes.at(solved.keyframes[i]).world_from_cam = pose;
     update.world_from_cam.emplace_back(solved.keyframes[i], pose);
   }
+  for (const InertialTerms::State& state : solved.problem.inertial.states) {
+    Keyframe& keyframe = map_.keyframes.at(solved.keyframes[state.pose]);
+    keyframe.velocity_in_world = state.velocity_in_world;
+    keyframe.gyroscope_bias = state.bias.gyroscope;
+    keyframe.accelerometer_bias = state.bias.accelerometer;
+    update.inertial_states.push_back(
+        {keyframe.id, state.velocity_in_world, state.bias.gyroscope, state.bias.accelerometer});
+  }
   std::set<KeyframeId> changed;
   for (std::size_t i = 0; i < solved.observations.size(); ++i) {
     if (!solved.summary.outlier[i]) continue;

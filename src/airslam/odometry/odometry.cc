@@ -6,6 +6,9 @@
 #include <cmath>
 #include <utility>
 
+#include "airslam/odometry/upright.h"
+#include "airslam/optimize/pose_parameter.h"
+
 namespace airslam {
 namespace {
 
@@ -14,21 +17,32 @@ int CountLandmarks(const Keyframe& keyframe) {
                                         [](LandmarkId id) { return id != kNoLandmark; }));
 }
 
+// Whether a pose that was found without a prediction lies near it: within ten standard deviations,
+// for few points leave a few centimetres open.
+bool Agrees(const PosePrior& prediction, const Rigid3& world_from_cam) {
+  constexpr double kMaxSigmas = 10;
+  const PoseParameter pose = ToParameter(world_from_cam);
+  const double* blocks[] = {pose.data()};
+  Eigen::Matrix<double, 6, 1> residuals;
+  PosePriorFactor(prediction).Evaluate(blocks, residuals.data(), nullptr);
+  return residuals.norm() < kMaxSigmas;
+}
+
 }  // namespace
 
-Odometry::Odometry(const OdometryOptions& options, const StereoRectifier& rectifier,
-                   const MapCalibration& calibration, FeatureDetector& right_detector,
-                   FeatureMatcher& matcher, MapRecorder* recorder, StageTimes& times)
+Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibration,
+                   const Parts& parts)
     : options_(options),
-      rectifier_(rectifier),
-      right_detector_(right_detector),
-      matcher_(matcher),
-      recorder_(recorder),
-      times_(times),
+      rectifier_(parts.rectifier),
+      right_detector_(parts.right_detector),
+      matcher_(parts.matcher),
+      recorder_(parts.recorder),
+      inertial_(parts.inertial),
+      times_(parts.times),
       map_(calibration, options_.local_map, options_.tracking.pixel_sigma),
       tracker_(options_.tracking, map_, matcher_),
       builder_(options_, tracker_, map_),
-      bundle_worker_({}, times) {}
+      bundle_worker_({}, parts.times) {}
 
 const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
   const auto start = std::chrono::steady_clock::now();
@@ -43,6 +57,10 @@ const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
   record.milliseconds =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   records_.push_back(record);
+  if (inertial_ != nullptr) {
+    ScopedStage stage(times_, "inertial");
+    inertial_->TryInitialize(records_, map_.map());
+  }
   return records_.back();
 }
 
@@ -53,49 +71,117 @@ void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
   const FrameView view{pyramid, frame.features, grid};
   if (map_.empty()) return Start(frame, view, record);
 
+  std::optional<PosePrior> inertial;
+  if (inertial_ != nullptr) {
+    ScopedStage stage(times_, "inertial");
+    inertial = inertial_->Predict(frame.timestamp_ns);
+  }
   std::optional<TrackedFrame> tracked;
-  const bool was_lost = lost_frames_ > 0;
   {
     ScopedStage stage(times_, "track");
-    if (!was_lost) {
-      const Rigid3& world_from_reference =
-          map_.map().keyframes.at(motion_.reference()).world_from_cam;
-      tracked = tracker_.Track(view, map_.last(),
-                               motion_.Predict(frame.timestamp_ns, world_from_reference));
+    tracked = Find(frame, view, inertial);
+  }
+  if (tracked) {
+    Hit(frame, view, *tracked, record);
+  } else {
+    Miss(frame, view, record);
+  }
+}
+
+std::optional<TrackedFrame> Odometry::Find(const PreparedFrame& frame, const FrameView& view,
+                                           const std::optional<PosePrior>& inertial) const {
+  std::optional<TrackedFrame> tracked;
+  if (lost_frames_ == 0) {
+    const Rigid3& world_from_reference =
+        map_.map().keyframes.at(motion_.reference()).world_from_cam;
+    PosePrior prediction = motion_.Predict(frame.timestamp_ns, world_from_reference);
+    if (inertial && inertial->SigmaPosition() < prediction.SigmaPosition()) prediction = *inertial;
+    tracked = tracker_.Track(view, map_.last(), prediction);
+  } else if (inertial) {
+    tracked = TrackNear(view, *inertial);
+  }
+  if (tracked) return tracked;
+  tracked = Recover(view);
+  if (tracked && inertial && !Agrees(*inertial, tracked->world_from_cam)) return std::nullopt;
+  return tracked;
+}
+
+// After some time without vision the prediction is all there is, and it may show what an earlier
+// keyframe saw.
+std::optional<TrackedFrame> Odometry::TrackNear(const FrameView& view,
+                                                const PosePrior& inertial) const {
+  const RecoveryOptions& recovery = options_.recovery;
+  if (static_cast<int>(view.features.keypoints.size()) < recovery.min_inliers) return std::nullopt;
+  const std::span<const KeyframeId> window = map_.window();
+  int tries = recovery.keyframes;
+  for (auto id = window.rbegin(); id != window.rend() && tries > 0; ++id, --tries) {
+    auto tracked = tracker_.Track(view, map_.map().keyframes.at(*id), inertial);
+    if (!tracked) continue;
+    const int found = static_cast<int>(tracked->points.size());
+    if (found >= recovery.min_inliers && found >= recovery.min_found_share * tracked->in_sight) {
+      return tracked;
     }
-    if (!tracked) tracked = Recover(view);
   }
-  if (!tracked) {
-    ++lost_frames_;
-    motion_.Reset();
-    if (lost_frames_ > options_.recovery.lost_frames) Start(frame, view, record);
-    return;
+  return std::nullopt;
+}
+
+VisualPose Odometry::ToVisualPose(const TrackedFrame& tracked) const {
+  std::vector<PointConstraint> constraints;
+  for (const TrackedPoint& point : tracked.points) {
+    constraints.push_back({map_.map().landmarks.at(point.landmark).point_in_world,
+                           {point.pixel, -1, options_.tracking.pixel_sigma}});
   }
-  lost_frames_ = 0;
+  VisualPose seen;
+  seen.world_from_cam = tracked.world_from_cam;
+  seen.information = PoseInformation(map_.stereo(), constraints, tracked.world_from_cam);
+  return seen;
+}
+
+void Odometry::Miss(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
+  ++lost_frames_;
+  motion_.Reset();
+  if (const auto world_from_cam = inertial_ != nullptr ? inertial_->Coast() : std::nullopt) {
+    record.state = FrameState::kInertial;
+    record.component = component_;
+    record.reference = map_.last().id;
+    record.reference_from_cam = map_.last().world_from_cam.Inverse() * *world_from_cam;
+    record.online_world_from_cam = *world_from_cam;
+    const int features = static_cast<int>(view.features.keypoints.size());
+    strange_frames_ = features >= options_.recovery.min_stereo_points ? strange_frames_ + 1 : 0;
+    if (strange_frames_ > options_.recovery.lost_frames) Continue(frame, view, record);
+  } else if (lost_frames_ > options_.recovery.lost_frames) {
+    Start(frame, view, record);
+  }
+}
+
+void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFrame& tracked,
+                   FrameRecord& record) {
+  const bool was_lost = lost_frames_ > 0;
+  lost_frames_ = strange_frames_ = 0;
   record.state = FrameState::kTracked;
   record.component = component_;
-  record.reference = tracked->keyframe;
+  record.reference = tracked.keyframe;
   const Rigid3& world_from_reference = map_.map().keyframes.at(record.reference).world_from_cam;
-  record.reference_from_cam = world_from_reference.Inverse() * tracked->world_from_cam;
-  record.online_world_from_cam = tracked->world_from_cam;
-  record.tracked_points = static_cast<int>(tracked->points.size());
-  record.used_matcher = tracked->used_matcher;
+  record.reference_from_cam = world_from_reference.Inverse() * tracked.world_from_cam;
+  record.online_world_from_cam = tracked.world_from_cam;
+  record.tracked_points = static_cast<int>(tracked.points.size());
+  record.used_matcher = tracked.used_matcher;
   motion_.Observe(frame.timestamp_ns, record.reference, record.reference_from_cam,
                   world_from_reference);
-  if (was_lost || NeedsKeyframe(*tracked)) {
-    ScopedStage stage(times_, "keyframe");
-    // The keyframe must start from the latest map; its own pose moves with its reference.
-    if (bundle_due_) TakeBundle();
-    tracked->world_from_cam =
-        map_.map().keyframes.at(record.reference).world_from_cam * record.reference_from_cam;
-    std::erase_if(tracked->points, [&](const TrackedPoint& point) {
-      return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
-    });
-    KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, *tracked);
-    MatchRight(frame, view, draft.keyframe);
-    if (was_lost || IsWorthwhile(draft.keyframe, *tracked)) {
-      InsertKeyframe(frame, view, std::move(draft), record);
-    }
+  if (inertial_ != nullptr) inertial_->Observe(frame.timestamp_ns, ToVisualPose(tracked));
+  if (!was_lost && !NeedsKeyframe(tracked)) return;
+  ScopedStage stage(times_, "keyframe");
+  // The keyframe must start from the latest map; its own pose moves with its reference.
+  if (bundle_due_) TakeBundle();
+  tracked.world_from_cam =
+      map_.map().keyframes.at(record.reference).world_from_cam * record.reference_from_cam;
+  std::erase_if(tracked.points, [&](const TrackedPoint& point) {
+    return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
+  });
+  KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, tracked);
+  MatchRight(frame, view, draft.keyframe);
+  if (was_lost || IsWorthwhile(draft.keyframe, tracked)) {
+    InsertKeyframe(frame, view, std::move(draft), record);
   }
 }
 
@@ -141,19 +227,42 @@ void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
   builder_.MatchRight(view, MakePyramid(right), features, keyframe);
 }
 
-void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
-  if (bundle_due_) TakeBundle();
-  // The body of a component's first keyframe is the origin of its world.
-  KeyframeDraft draft = builder_.FromDetections(view, frame.timestamp_ns, component_ + 1,
-                                                map_.map().calibration.body_from_left);
+std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
+                                                 int component, const Rigid3& world_from_cam) {
+  KeyframeDraft draft =
+      builder_.FromDetections(view, frame.timestamp_ns, component, world_from_cam);
   const Keyframe& keyframe = draft.keyframe;
   MatchRight(frame, view, draft.keyframe);
   const auto matched = std::count_if(keyframe.right_x.begin(), keyframe.right_x.end(),
                                      [](float x) { return x >= 0; });
-  if (matched < options_.recovery.min_stereo_points) return;  // the next frame may have more depth
+  // Where there is too little depth, the next frame may have more.
+  if (matched < options_.recovery.min_stereo_points) return std::nullopt;
+  return draft;
+}
+
+void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
+  if (bundle_due_) TakeBundle();
+  // The body of a component's first keyframe is the origin of its world.
+  auto draft = DraftAnew(frame, view, component_ + 1, map_.map().calibration.body_from_left);
+  if (!draft) return;
   ++component_;
-  lost_frames_ = 0;
+  if (inertial_ != nullptr) inertial_->StartComponent(component_, frame.timestamp_ns);
   record.state = FrameState::kInitialized;
+  Begin(frame, view, std::move(*draft), record);
+}
+
+void Odometry::Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
+  if (bundle_due_) TakeBundle();
+  auto draft = DraftAnew(frame, view, component_, inertial_->world_from_cam());
+  if (!draft) return;
+  inertial_->Observe(frame.timestamp_ns, {inertial_->world_from_cam()});
+  Begin(frame, view, std::move(*draft), record);
+}
+
+void Odometry::Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
+                     FrameRecord& record) {
+  const Keyframe& keyframe = draft.keyframe;
+  lost_frames_ = strange_frames_ = 0;
   record.component = component_;
   record.online_world_from_cam = keyframe.world_from_cam;
   motion_ = {};
@@ -165,8 +274,11 @@ void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRec
 void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
                               KeyframeDraft draft, FrameRecord& record) {
   Keyframe& keyframe = draft.keyframe;
+  // Where it knows no landmark its pose is not exact enough for triangulation.
+  const bool is_placed = CountLandmarks(keyframe) > 0;
   std::vector<LandmarkId> added = builder_.AddStereoLandmarks(keyframe);
-  const std::vector<LandmarkId> from_motion = builder_.AddMotionLandmarks(view, keyframe);
+  std::vector<LandmarkId> from_motion;
+  if (is_placed) from_motion = builder_.AddMotionLandmarks(view, keyframe);
   added.insert(added.end(), from_motion.begin(), from_motion.end());
   for (int index : draft.redefining) {
     map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
@@ -175,6 +287,7 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
   record.reference = keyframe.id;
   record.reference_from_cam = {};
   motion_.MoveTo(keyframe.id);
+  if (inertial_ != nullptr) inertial_->FillKeyframe(keyframe);
   if (recorder_ != nullptr) {
     std::vector<Landmark> landmarks;
     for (LandmarkId id : added) landmarks.push_back(map_.map().landmarks.at(id));
@@ -188,20 +301,32 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
     }
   }
   map_.AddKeyframe(std::move(keyframe), view.image);
-  bundle_worker_.Submit(map_.MakeBundleJob());
+  BundleJob job = map_.MakeBundleJob();
+  if (inertial_ != nullptr) inertial_->AddTo(job, map_.map());
+  bundle_worker_.Submit(std::move(job));
   bundle_due_ = frame.index + options_.local_map.lag_frames;
 }
 
 void Odometry::TakeBundle() {
   ScopedStage stage(times_, "wait for bundle");
   bundle_due_.reset();
+  const Rigid3& reference = map_.map().keyframes.at(motion_.reference()).world_from_cam;
+  const Rigid3 before = reference;
   MapWriter::Update update = map_.Apply(bundle_worker_.Take());
-  motion_.Rebase(map_.map().keyframes.at(motion_.reference()).world_from_cam);
+  motion_.Rebase(reference);
+  if (inertial_ != nullptr) inertial_->Rebase(reference * before.Inverse(), map_.last());
   if (recorder_ != nullptr) recorder_->Apply(std::move(update));
 }
 
 void Odometry::Finish() {
   if (bundle_due_) TakeBundle();
+  if (inertial_ == nullptr) return;
+  inertial_->SmoothCoastedFrames(records_, map_.map());
+  for (const InertialStart& start : inertial_->summary().starts) {
+    MapWriter::Update update = TurnComponent(UprightFromWorld(start.gravity_in_world),
+                                             start.component, map_.map(), records_);
+    if (recorder_ != nullptr) recorder_->Apply(std::move(update));
+  }
 }
 
 }  // namespace airslam

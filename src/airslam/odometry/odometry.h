@@ -11,7 +11,9 @@
 #include "airslam/neural/feature_detector.h"
 #include "airslam/neural/feature_matcher.h"
 #include "airslam/odometry/bundle_worker.h"
+#include "airslam/odometry/frame_record.h"
 #include "airslam/odometry/frame_tracker.h"
+#include "airslam/odometry/inertial_odometry.h"
 #include "airslam/odometry/keyframe_builder.h"
 #include "airslam/odometry/local_map.h"
 #include "airslam/odometry/map_recorder.h"
@@ -32,43 +34,28 @@ struct PreparedFrame {
   std::string problem;  // why it was skipped
 };
 
-enum class FrameState {
-  kInitialized,  // first keyframe of a component
-  kTracked,
-  kLost,     // no pose
-  kSkipped,  // its images could not be used
-};
-
-// What is known of one frame. Its pose hangs on a keyframe and moves with it.
-struct FrameRecord {
-  std::int64_t timestamp_ns = 0;
-  FrameState state = FrameState::kLost;
-  int component = -1;                // -1 without a pose
-  KeyframeId reference = -1;
-  Rigid3 reference_from_cam;         // rectified left cameras
-  Rigid3 online_world_from_cam;      // as first estimated
-  int tracked_points = 0;
-  bool is_keyframe = false;
-  bool used_matcher = false;
-  double milliseconds = 0;           // of tracking this frame
-
-  bool has_pose() const { return component >= 0; }
-};
-
-// Stereo visual odometry, one frame at a time: tracks it against the last keyframe, makes keyframes,
-// and hands them to local bundle adjustment. When lost it tries the last keyframes and then starts
-// a new component. The same frames give the same result, bit by bit.
+// Stereo visual odometry, one frame at a time: tracks it against the last keyframe, makes
+// keyframes, and hands them to local bundle adjustment. When lost it tries the last keyframes and
+// then starts a new component. With an inertial side, the IMU predicts the frames and carries those
+// that vision loses. The same frames give the same result, bit by bit.
 class Odometry {
  public:
-  // `recorder` may be null. The references must outlive the object.
-  Odometry(const OdometryOptions& options, const StereoRectifier& rectifier,
-           const MapCalibration& calibration, FeatureDetector& right_detector,
-           FeatureMatcher& matcher, MapRecorder* recorder, StageTimes& times);
+  // What it works with. `recorder` and `inertial` may be null. The references must outlive it.
+  struct Parts {
+    const StereoRectifier& rectifier;
+    FeatureDetector& right_detector;
+    FeatureMatcher& matcher;
+    MapRecorder* recorder;
+    InertialOdometry* inertial;
+    StageTimes& times;
+  };
+  Odometry(const OdometryOptions& options, const MapCalibration& calibration, const Parts& parts);
 
   // Frames come in order of time.
   const FrameRecord& Process(const PreparedFrame& frame);
 
-  // Takes the last bundle adjustment. No frame may follow.
+  // Takes the last bundle adjustment; where gravity is known, turns the world so that z points up.
+  // No frame may follow.
   void Finish();
 
   const std::vector<FrameRecord>& records() const { return records_; }
@@ -76,8 +63,24 @@ class Odometry {
 
  private:
   void Estimate(const PreparedFrame& frame, FrameRecord& record);
-  void Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
+  // Finds the frame by vision; `inertial` is where the IMU expects it.
+  std::optional<TrackedFrame> Find(const PreparedFrame& frame, const FrameView& view,
+                                   const std::optional<PosePrior>& inertial) const;
+  std::optional<TrackedFrame> TrackNear(const FrameView& view, const PosePrior& inertial) const;
   std::optional<TrackedFrame> Recover(const FrameView& view) const;
+  // What becomes of a frame that vision has found, or has not.
+  void Hit(const PreparedFrame& frame, const FrameView& view, TrackedFrame& tracked,
+           FrameRecord& record);
+  void Miss(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
+  // A keyframe that knows no landmark yet: of a new component, or of the current one where only the
+  // IMU says its pose.
+  void Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
+  void Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
+  std::optional<KeyframeDraft> DraftAnew(const PreparedFrame& frame, const FrameView& view,
+                                         int component, const Rigid3& world_from_cam);
+  void Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
+             FrameRecord& record);
+  VisualPose ToVisualPose(const TrackedFrame& tracked) const;
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
   bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
   void MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
@@ -90,6 +93,7 @@ class Odometry {
   FeatureDetector& right_detector_;
   FeatureMatcher& matcher_;
   MapRecorder* recorder_;
+  InertialOdometry* inertial_;
   StageTimes& times_;
 
   LocalMap map_;
@@ -98,7 +102,8 @@ class Odometry {
   MotionModel motion_;
   std::vector<FrameRecord> records_;
   int component_ = -1;
-  int lost_frames_ = 0;
+  int lost_frames_ = 0;     // since vision last found one
+  int strange_frames_ = 0;  // of these, the latest that show enough but nothing that is known
   std::optional<int> bundle_due_;  // index of the frame from which on the result is used
   BundleWorker bundle_worker_;     // last: its thread ends first
 };

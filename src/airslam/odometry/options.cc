@@ -38,6 +38,11 @@ void OdometryOptions::Validate() const {
   RequireRange("recovery.min_found_share", recovery.min_found_share, 0.0, 1.0);
   RequireRange("recovery.lost_frames", recovery.lost_frames, 1, 100000);
   RequireRange("recovery.min_stereo_points", recovery.min_stereo_points, 6, 2000);
+  RequireRange("inertial.max_gap", inertial.max_gap, 0.001, 10.0);
+  RequireRange("inertial.max_angular_velocity", inertial.max_angular_velocity, 0.1, 1e6);
+  RequireRange("inertial.max_acceleration", inertial.max_acceleration, 1.0, 1e6);
+  RequireRange("inertial.max_blackout", inertial.max_blackout, 0.0, 60.0);
+  RequireRange("inertial.max_position_sigma", inertial.max_position_sigma, 0.001, 1000.0);
 }
 
 }  // namespace airslam

@@ -4,6 +4,7 @@
 #include "airslam/feature/guided_matching.h"
 #include "airslam/feature/patch_alignment.h"
 #include "airslam/feature/stereo_matching.h"
+#include "airslam/odometry/inertial_options.h"
 #include "airslam/optimize/bundle.h"
 #include "airslam/optimize/pose_optimization.h"
 
@@ -117,6 +118,7 @@ struct OdometryOptions {
   KeyframeOptions keyframe;
   LocalMapOptions local_map;
   RecoveryOptions recovery;
+  InertialOptions inertial;
 
   template <class V>
   void Visit(V& v) {
@@ -125,6 +127,7 @@ struct OdometryOptions {
     v.Group("keyframe", keyframe);
     v.Group("local_map", local_map);
     v.Group("recovery", recovery);
+    v.Group("inertial", inertial);
   }
 
   // Throws Error that names the first field out of its range.

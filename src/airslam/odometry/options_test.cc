@@ -31,6 +31,7 @@ TEST(OdometryOptions, ValidateNamesTheFieldThatIsOutOfItsRange) {
     for (bool above : {false, true}) {
       OdometryOptions spoilt;
       std::vector<OptionBinding> bindings = CollectOptions(spoilt);
+      if (std::holds_alternative<bool*>(bindings[i].value)) continue;  // has no range
       Spoil(bindings[i], above);
       EXPECT_THAT(ErrorOf([&] { spoilt.Validate(); }),
                   ::testing::StartsWith("option " + bindings[i].name + " is "));

@@ -2,6 +2,7 @@
 #include "airslam/odometry/pipeline.h"
 
 #include <exception>
+#include <memory>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -75,6 +76,27 @@ PreparedFrame ReadFrame(const Sequence& sequence, int index, const StereoRectifi
   return frame;
 }
 
+// Nothing without an IMU; `summary` then says why.
+std::unique_ptr<InertialOdometry> MakeInertial(const Sequence& sequence,
+                                               const StereoRectifier& rectifier,
+                                               const InertialOptions& options,
+                                               InertialSummary& summary) {
+  if (!options.enabled) {
+    summary.reason = "switched off";
+  } else if (!sequence.rig().imu) {
+    summary.state = "no calibration";
+    summary.reason = "the calibration has no IMU";
+  } else if (sequence.imu().empty()) {
+    summary.state = "no readings";
+    summary.reason = "the sequence has no IMU readings";
+  } else {
+    return std::make_unique<InertialOdometry>(options, sequence.imu(), *sequence.rig().imu,
+                                              sequence.rig().imu_time_offset,
+                                              rectifier.body_from_left());
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier) {
@@ -103,8 +125,11 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
     }
   });
 
-  Odometry odometry(options, rectifier, MakeMapCalibration(sequence.rig(), rectifier),
-                    networks.right_detector, networks.matcher, recorder, times);
+  InertialSummary without_imu;
+  const auto inertial = MakeInertial(sequence, rectifier, options.inertial, without_imu);
+  Odometry odometry(
+      options, MakeMapCalibration(sequence.rig(), rectifier),
+      {rectifier, networks.right_detector, networks.matcher, recorder, inertial.get(), times});
   while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
     if (!frame->problem.empty()) LogWarn("frame {} skipped: {}", frame->index, frame->problem);
     const FrameRecord& record = odometry.Process(*frame);
@@ -114,7 +139,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   detector.Join();
   odometry.Finish();
   if (recorder != nullptr) recorder->Finish();
-  return {odometry.records(), odometry.map()};
+  return {odometry.records(), odometry.map(), inertial ? inertial->summary() : without_imu};
 }
 
 }  // namespace airslam

@@ -24,6 +24,7 @@ struct PipelineNetworks {
 struct PipelineResult {
   std::vector<FrameRecord> records;  // one a frame of the sequence, in order
   Map map;
+  InertialSummary inertial;
 };
 
 // Called after each frame, from the thread that called RunPipeline.
@@ -32,10 +33,11 @@ using FrameObserver = std::function<void(int index, const PreparedFrame&, const 
 // The calibration that maps of this rig carry.
 MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier);
 
-// Runs stereo odometry over a sequence. Three stages on three threads, joined by bounded queues:
-// read and rectify | detect | track, with local bundle adjustment and map writing beside them. A
-// frame that cannot be read is skipped with a warning. What a stage throws ends the run and is
-// rethrown here. `recorder` and `observer` may be empty.
+// Runs stereo odometry over a sequence, with its IMU if it has one and the options allow it. Three
+// stages on three threads, joined by bounded queues: read and rectify | detect | track, with local
+// bundle adjustment and map writing beside them. A frame that cannot be read is skipped with a
+// warning. What a stage throws ends the run and is rethrown here. `recorder` and `observer` may be
+// empty.
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
                            MapRecorder* recorder, const FrameObserver& observer,

@@ -16,6 +16,8 @@ const char* StateName(FrameState state) {
       return "initialized";
     case FrameState::kTracked:
       return "tracked";
+    case FrameState::kInertial:
+      return "inertial";
     case FrameState::kLost:
       return "lost";
     case FrameState::kSkipped:
@@ -56,6 +58,40 @@ nlohmann::json FrameStates(const std::vector<FrameRecord>& records) {
                       {"ms", record.milliseconds}});
   }
   return frames;
+}
+
+nlohmann::json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+nlohmann::json ToJson(const ImuBias& bias) {
+  return {{"gyroscope", ToJson(bias.gyroscope)}, {"accelerometer", ToJson(bias.accelerometer)}};
+}
+
+nlohmann::json InertialReport(const InertialSummary& inertial) {
+  nlohmann::json json = {{"state", inertial.state},
+                         {"reason", inertial.reason},
+                         {"readings", inertial.readings},
+                         {"dropped_readings", inertial.dropped},
+                         {"calibrated_time_offset_s", inertial.calibrated_time_offset},
+                         {"time_offset_s", inertial.time_offset},
+                         {"final_bias", ToJson(inertial.final_bias)},
+                         {"starts", nlohmann::json::array()},
+                         {"gaps", nlohmann::json::array()}};
+  for (const InertialStart& start : inertial.starts) {
+    json["starts"].push_back({{"component", start.component},
+                              {"timestamp_ns", start.timestamp_ns},
+                              {"seconds", start.seconds},
+                              {"at_rest", start.at_rest},
+                              {"span_s", start.span},
+                              {"refinements", start.refinements},
+                              {"bias", ToJson(start.bias)},
+                              {"gravity_sigma_rad", start.gravity_sigma},
+                              {"gyroscope_bias_sigma", start.gyroscope_bias_sigma},
+                              {"accelerometer_bias_sigma", start.accelerometer_bias_sigma}});
+  }
+  for (const InertialSummary::Gap& gap : inertial.gaps) {
+    json["gaps"].push_back({{"from_ns", gap.begin_ns}, {"to_ns", gap.end_ns}});
+  }
+  return json;
 }
 
 nlohmann::json StageTable(const StageTimes& times) {
@@ -132,6 +168,8 @@ nlohmann::json MakeReport(const PipelineResult& result, const StageTimes& times,
   report["frames_with_pose"] = count([](const FrameRecord& r) { return r.has_pose(); });
   report["frames_skipped"] =
       count([](const FrameRecord& r) { return r.state == FrameState::kSkipped; });
+  report["frames_inertial"] =
+      count([](const FrameRecord& r) { return r.state == FrameState::kInertial; });
   report["frames_in_trajectory"] = FinalTrajectory(result, LargestComponent(result)).size();
   report["frames_that_needed_the_matcher"] =
       count([](const FrameRecord& r) { return r.used_matcher; });
@@ -141,6 +179,7 @@ nlohmann::json MakeReport(const PipelineResult& result, const StageTimes& times,
   report["keyframes"] = result.map.keyframes.size();
   report["landmarks"] = result.map.landmarks.size();
   report["components"] = components;
+  report["inertial"] = InertialReport(result.inertial);
   report["lost_intervals"] = LostIntervals(records);
   report["stages"] = StageTable(times);
   report["frame_states"] = FrameStates(records);
