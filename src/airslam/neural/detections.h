@@ -19,16 +19,24 @@ struct Keypoint {
 // A line segment in pixels of the network's input image.
 struct LineSegment {
   float x1 = 0, y1 = 0, x2 = 0, y2 = 0;
-  float score = 0;
+  float score = 0;  // PLNet's: the probability that it is a line, 0..1
+};
+
+// The two junctions that are a line's ends, as indices of Detections::junctions.
+struct LineEnds {
+  int start = -1;  // at x1, y1
+  int end = -1;    // at x2, y2
 };
 
 // What PLNet sees in one image (paper, section IV-B).
 struct Detections {
   std::vector<Keypoint> keypoints;  // best score first, ties by row, then column
   DescriptorMatrix descriptors;     // keypoints.size() x D, rows of unit length
-  std::vector<LineSegment> lines;   // empty until a pack has a line module
-  std::vector<Keypoint> junctions;  // likewise
-  DescriptorMatrix junction_descriptors;
+  // The rest is filled when lines are asked for and the network finds lines.
+  std::vector<LineSegment> lines;         // best score first, ties by their ends
+  std::vector<LineEnds> line_ends;        // of each line
+  std::vector<Keypoint> junctions;        // the ends of these lines; score: probability, 0..1
+  DescriptorMatrix junction_descriptors;  // junctions.size() x D, rows of unit length
 };
 
 // A correspondence between keypoint `index0` of one image and `index1` of another.

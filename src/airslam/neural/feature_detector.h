@@ -7,15 +7,32 @@
 
 namespace airslam {
 
-// Finds keypoints (and, later, lines) with descriptors. Implementations: PLNet, and stand-ins in
-// tests. One instance is used by one thread at a time; the result depends on the arguments only.
+// What to look for in an image. A number of keypoints alone is a request without lines.
+struct DetectionRequest {
+  DetectionRequest(int keypoints, bool with_lines = false, float least_score = 0.3F)
+      : max_keypoints(keypoints), lines(with_lines), min_line_score(least_score) {}
+
+  int max_keypoints;  // >= 0
+  bool lines;         // lines and junctions as well; costs about half as much again
+  // 0..1: the least score of a line. 0 keeps all proposals; the model pack's README tells the
+  // precision at each score.
+  float min_line_score;
+};
+
+// Finds keypoints and lines with descriptors. Implementations: PLNet, and stand-ins in tests, which
+// know no lines. One instance is used by one thread at a time; the result depends on the arguments
+// only.
 class FeatureDetector {
  public:
   virtual ~FeatureDetector() = default;
 
   // image: CV_8UC1. mask: CV_8UC1 of the same size, features only where it is not zero, or empty.
   // Returns at most `max_keypoints` keypoints, best first, at integer or sub-pixel positions.
-  virtual Detections Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) = 0;
+  virtual Detections Detect(const cv::Mat& image, const cv::Mat& mask,
+                            const DetectionRequest& request) = 0;
+
+  // Whether lines can be asked for; a detector without them returns none.
+  virtual bool finds_lines() const { return false; }
 
   // D, the length of a descriptor.
   virtual int descriptor_size() const = 0;

@@ -28,6 +28,8 @@ class Section {
     return prefix_.empty() ? key : prefix_ + "." + key;
   }
 
+  bool Has(const std::string& key) const { return object_.contains(key); }
+
   const json& At(const std::string& key) const {
     const auto value = object_.find(key);
     if (value == object_.end()) Fail("{}: the field '{}' is missing", file_, Name(key));
@@ -101,6 +103,32 @@ PackFile CheckedFile(const Section& section, const fs::path& folder) {
   return file;
 }
 
+LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int multiple) {
+  LineNetworkSpec spec;
+  spec.network = CheckedFile(section, folder);
+  spec.field = section.Text("field");
+  spec.junctions = section.Text("junctions");
+  spec.pooled = section.Text("pooled");
+  spec.channels = section.Integer("channels", 1, 1024);
+  spec.samples = section.Integer("samples", 2, 1024);
+  const Section classifier = section.Sub("classifier");
+  spec.classifier = CheckedFile(classifier, folder);
+  spec.classifier_input = classifier.Text("input");
+  spec.classifier_output = classifier.Text("output");
+  spec.decoder.stride = section.Integer("stride", 1, 64);
+  if (multiple % spec.decoder.stride != 0) {
+    Fail("{}: '{}' is {}, expected a divisor of features.multiple, {}", section.file(),
+         section.Name("stride"), spec.decoder.stride, multiple);
+  }
+  spec.decoder.reach = section.Number("reach", 0.1, 1e4);
+  spec.decoder.min_confidence = section.Number("min_confidence", 1e-6, 0.999);
+  spec.decoder.min_junction = section.Number("min_junction", 1e-6, 0.999);
+  spec.decoder.max_junctions = section.Integer("max_junctions", 2, 65535);
+  spec.decoder.snap = section.Number("snap", 0.1, 1e4);
+  spec.decoder.max_proposals = section.Integer("max_proposals", 1, 65536);
+  return spec;
+}
+
 FeatureNetworkSpec ReadFeatures(const Section& section, const fs::path& folder) {
   FeatureNetworkSpec spec;
   spec.network = CheckedFile(section, folder);
@@ -123,6 +151,7 @@ FeatureNetworkSpec ReadFeatures(const Section& section, const fs::path& folder) 
   spec.half_pixel = section.Flag("half_pixel");
   spec.score_threshold = section.Number("score_threshold", -1e6, 1e6);
   spec.nms_radius = section.Integer("nms_radius", 1, 16);
+  if (section.Has("lines")) spec.lines = ReadLines(section.Sub("lines"), folder, spec.multiple);
   return spec;
 }
 

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "airslam/neural/line_decoder.h"
+
 namespace airslam {
 
 // The pack that is used when none is named.
@@ -22,6 +24,21 @@ struct PackFile {
   std::string sha256;  // 64 lower-case hexadecimal digits
 };
 
+// A network that computes all that the feature network does, and the maps of lines
+// (line_decoder.h), and the classifier of proposals: `classifier_input` N x (samples * channels +
+// kLineExtras) -> `classifier_output` N.
+struct LineNetworkSpec {
+  PackFile network;
+  std::string field;      // 1x6xhxw with h = H/stride, w = W/stride
+  std::string junctions;  // 1x3xhxw
+  std::string pooled;     // 1xhxwxchannels: features to pool along lines
+  int channels = 16;
+  int samples = 32;  // along a line
+  PackFile classifier;
+  std::string classifier_input, classifier_output;
+  LineDecoderOptions decoder;
+};
+
 // The feature network: `input` 1x1xHxW -> `descriptors` 1xDx(H/stride)x(W/stride), not normalised,
 // and `scores` 1x1xHxW, logits.
 struct FeatureNetworkSpec {
@@ -37,6 +54,7 @@ struct FeatureNetworkSpec {
   bool half_pixel = true;
   float score_threshold = -5;  // keypoints have a larger logit
   int nms_radius = 2;          // pixels; a keypoint has the largest logit of its square
+  std::optional<LineNetworkSpec> lines;
 };
 
 // The staged matcher; see transformer_matcher.h for what its stages take and give.

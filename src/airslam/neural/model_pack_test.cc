@@ -72,6 +72,24 @@ TEST_F(ModelPackTest, ReadsEveryField) {
   EXPECT_TRUE(pack.features.half_pixel);
   EXPECT_EQ(pack.features.score_threshold, -5);
   EXPECT_EQ(pack.features.nms_radius, 2);
+  ASSERT_TRUE(pack.features.lines.has_value());
+  const LineNetworkSpec& lines = *pack.features.lines;
+  EXPECT_EQ(lines.network.path, (folder_ / "plnet_lines.onnx").string());
+  EXPECT_EQ(lines.field, "line_field");
+  EXPECT_EQ(lines.junctions, "junction_maps");
+  EXPECT_EQ(lines.pooled, "line_features");
+  EXPECT_EQ(lines.channels, 2);
+  EXPECT_EQ(lines.samples, 4);
+  EXPECT_EQ(lines.classifier.path, (folder_ / "line_classifier.onnx").string());
+  EXPECT_EQ(lines.classifier_input, "features");
+  EXPECT_EQ(lines.classifier_output, "logits");
+  EXPECT_EQ(lines.decoder.stride, 4);
+  EXPECT_EQ(lines.decoder.reach, 16);
+  EXPECT_EQ(lines.decoder.min_confidence, 0.5F);
+  EXPECT_EQ(lines.decoder.min_junction, 0.5F);
+  EXPECT_EQ(lines.decoder.max_junctions, 8);
+  EXPECT_EQ(lines.decoder.snap, 12);
+  EXPECT_EQ(lines.decoder.max_proposals, 16);
   ASSERT_TRUE(pack.matcher.has_value());
   EXPECT_EQ(pack.matcher->keypoints, 8);
   EXPECT_EQ(pack.matcher->threshold, 0.1F);
@@ -83,6 +101,20 @@ TEST_F(ModelPackTest, ReadsEveryField) {
 TEST_F(ModelPackTest, TheMatcherMayBeAbsent) {
   EXPECT_EQ(ErrorWith([](json& m) { m.erase("matcher"); }), "");
   EXPECT_FALSE(ReadModelPack(folder_.string()).matcher.has_value());
+}
+
+TEST_F(ModelPackTest, TheLineModuleMayBeAbsentButNotWrong) {
+  EXPECT_EQ(ErrorWith([](json& m) { m["features"].erase("lines"); }), "");
+  EXPECT_FALSE(ReadModelPack(folder_.string()).features.lines.has_value());
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"].erase("classifier"); }),
+              HasSubstr("'features.lines.classifier' is missing"));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["samples"] = 1; }),
+              HasSubstr("'features.lines.samples' is 1, expected an integer from 2"));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["stride"] = 5; }),
+              HasSubstr("'features.lines.stride' is 5, expected a divisor"));
+  std::ofstream(folder_ / "line_classifier.onnx", std::ios::app) << "x";
+  EXPECT_THAT(ErrorWith([](json&) {}),
+              AllOf(HasSubstr("line_classifier.onnx"), HasSubstr("SHA-256")));
 }
 
 TEST_F(ModelPackTest, NamesWhatIsMissing) {

@@ -119,9 +119,10 @@ DescriptorMatrix SampleDescriptors(const TensorView& map, std::span<const Keypoi
   return descriptors;
 }
 
-// The network compiled for one image size, and its input.
+// The network, with or without the line module, compiled for one image size, and its input.
 struct PlNet::Instance {
   cv::Size image_size;
+  bool lines = false;
   int width = 0, height = 0;  // of the network's input
   std::unique_ptr<Network> network;
   std::vector<float> input;
@@ -132,13 +133,14 @@ PlNet::PlNet(const FeatureNetworkSpec& spec, NetworkLoader loader, const PlNetOp
   options_.decoder.score_threshold = spec_.score_threshold;
   options_.decoder.nms_radius = spec_.nms_radius;
   options_.decoder.Validate();
+  if (spec_.lines) spec_.lines->decoder.Validate();
 }
 
 PlNet::~PlNet() = default;
 
-PlNet::Instance& PlNet::InstanceFor(cv::Size image_size) {
+PlNet::Instance& PlNet::InstanceFor(cv::Size image_size, bool lines) {
   const auto found = std::find_if(instances_.begin(), instances_.end(), [&](const auto& instance) {
-    return instance->image_size == image_size;
+    return instance->image_size == image_size && instance->lines == lines;
   });
   if (found != instances_.end()) {
     std::rotate(found, found + 1, instances_.end());
@@ -146,27 +148,88 @@ PlNet::Instance& PlNet::InstanceFor(cv::Size image_size) {
   }
   auto instance = std::make_unique<Instance>();
   instance->image_size = image_size;
+  instance->lines = lines;
   instance->width = RoundUp(image_size.width, spec_.multiple);
   instance->height = RoundUp(image_size.height, spec_.multiple);
   instance->input.resize(static_cast<std::size_t>(instance->width) *
                          static_cast<std::size_t>(instance->height));
   const std::int64_t w = instance->width, h = instance->height, s = spec_.descriptor_stride;
-  instance->network = loader_(spec_.network.path, {{spec_.input, {1, 1, h, w}}});
+  const PackFile& file = lines ? spec_.lines->network : spec_.network;
+  instance->network = loader_(file.path, {{spec_.input, {1, 1, h, w}}});
   instance->network->RequireOutput(spec_.scores, {1, 1, h, w});
   instance->network->RequireOutput(spec_.descriptors, {1, spec_.descriptor_size, h / s, w / s});
+  if (lines) LoadLineModule(*instance->network, h, w);
   if (instances_.size() == kMaxInstances) instances_.erase(instances_.begin());
   instances_.push_back(std::move(instance));
   return *instances_.back();
 }
 
-void PlNet::Prepare(cv::Size image_size) { InstanceFor(image_size); }
+void PlNet::LoadLineModule(const Network& network, std::int64_t height, std::int64_t width) {
+  const LineNetworkSpec& lines = *spec_.lines;
+  const std::int64_t h = height / lines.decoder.stride, w = width / lines.decoder.stride;
+  network.RequireOutput(lines.field, {1, 6, h, w});
+  network.RequireOutput(lines.junctions, {1, 3, h, w});
+  network.RequireOutput(lines.pooled, {1, h, w, lines.channels});
+  if (classifier_) return;
+  const TensorShape shape = {lines.decoder.max_proposals,
+                             lines.samples * lines.channels + kLineExtras};
+  classifier_ = loader_(lines.classifier.path, {{lines.classifier_input, shape}});
+  classifier_->RequireOutput(lines.classifier_output, {shape[0]});
+  classifier_input_.assign(static_cast<std::size_t>(ElementCount(shape)), 0.0F);
+}
 
-Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) {
+void PlNet::Prepare(cv::Size image_size, bool lines) {
+  InstanceFor(image_size, lines && finds_lines());
+}
+
+// The probability of each proposal. Rows beyond the proposals keep what they held: no row of the
+// classifier looks at another.
+std::vector<float> PlNet::Classify(const Network& network, std::span<const Keypoint> junctions,
+                                   std::span<const LineProposal> proposals) {
+  const LineNetworkSpec& lines = *spec_.lines;
+  const TensorView pooled = network.Output(lines.pooled);
+  const auto height = static_cast<int>(pooled.shape[1]), width = static_cast<int>(pooled.shape[2]);
+  float* row = classifier_input_.data();
+  for (const LineProposal& proposal : proposals) {
+    PoolAlongLine(pooled.data, width, height, lines.channels, lines.decoder.stride,
+                  junctions[static_cast<std::size_t>(proposal.start)],
+                  junctions[static_cast<std::size_t>(proposal.end)], lines.samples, row);
+    row = std::copy(proposal.extras.begin(), proposal.extras.end(),
+                    row + static_cast<std::ptrdiff_t>(lines.samples) * lines.channels);
+  }
+  const TensorShape shape = {lines.decoder.max_proposals,
+                             lines.samples * lines.channels + kLineExtras};
+  const NamedTensor input{lines.classifier_input, {classifier_input_.data(), shape}};
+  classifier_->Run({&input, 1});
+  const float* logits = classifier_->Output(lines.classifier_output).data;
+  std::vector<float> probabilities(proposals.size());
+  std::transform(logits, logits + proposals.size(), probabilities.begin(),
+                 [](float logit) { return 1 / (1 + std::exp(-logit)); });
+  return probabilities;
+}
+
+void PlNet::DetectLines(const Network& network, const cv::Mat& image, const cv::Mat& mask,
+                        float min_score, Detections& detections) {
+  const LineNetworkSpec& lines = *spec_.lines;
+  const TensorView field = network.Output(lines.field);
+  const LineMaps maps{field.data, network.Output(lines.junctions).data,
+                      static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
+  const std::vector<Keypoint> junctions = FindJunctions(maps, image.size(), mask, lines.decoder);
+  const std::vector<LineProposal> proposals = ProposeLines(maps, junctions, mask, lines.decoder);
+  KeepLines(junctions, proposals, Classify(network, junctions, proposals), min_score, detections);
+  detections.junction_descriptors =
+      SampleDescriptors(network.Output(spec_.descriptors), detections.junctions,
+                        spec_.descriptor_stride, spec_.half_pixel);
+}
+
+Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask,
+                         const DetectionRequest& request) {
   if (image.empty() || image.type() != CV_8UC1) {
     Fail("PLNet takes grey images of type CV_8UC1 with at least one pixel, not {}x{} of type {}",
          image.cols, image.rows, cv::typeToString(image.type()));
   }
-  Instance& instance = InstanceFor(image.size());
+  const bool lines = request.lines && finds_lines();
+  Instance& instance = InstanceFor(image.size(), lines);
   NormalizeImage(image, spec_.normalization, instance.width, instance.height,
                  instance.input.data());
   const NamedTensor input{spec_.input,
@@ -174,7 +237,7 @@ Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keyp
   instance.network->Run({&input, 1});
 
   KeypointDecoderOptions decoder = options_.decoder;
-  decoder.max_keypoints = max_keypoints;
+  decoder.max_keypoints = request.max_keypoints;
   const TensorView scores = instance.network->Output(spec_.scores);
   Detections detections;
   detections.keypoints =
@@ -182,6 +245,7 @@ Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keyp
   detections.descriptors =
       SampleDescriptors(instance.network->Output(spec_.descriptors), detections.keypoints,
                         spec_.descriptor_stride, spec_.half_pixel);
+  if (lines) DetectLines(*instance.network, image, mask, request.min_line_score, detections);
   return detections;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <span>
@@ -8,6 +9,7 @@
 
 #include "airslam/neural/feature_detector.h"
 #include "airslam/neural/keypoint_decoder.h"
+#include "airslam/neural/line_decoder.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/network.h"
 #include "airslam/neural/openvino_network.h"
@@ -29,9 +31,11 @@ void NormalizeImage(const cv::Mat& image, Normalization normalization, int width
 DescriptorMatrix SampleDescriptors(const TensorView& map, std::span<const Keypoint> keypoints,
                                    int stride, bool half_pixel);
 
-// The point-line network of the paper (section IV), so far with its keypoint module: one pass
-// gives keypoints and descriptors. Images of any size; the network is reshaped and compiled when
-// an image size is seen for the first time, and the networks of the latest sizes are kept.
+// The point-line network of the paper (section IV): one pass gives keypoints and descriptors and,
+// when they are asked for, lines and junctions. The pack holds the network without and with the
+// line module, so that frames without lines do not pay for them. Images of any size; a network is
+// reshaped and compiled when an image size is seen for the first time, and the networks of the
+// latest sizes are kept.
 class PlNet : public FeatureDetector {
  public:
   // Throws Error (from the first Detect) when the network does not fit what the pack says of it.
@@ -40,22 +44,33 @@ class PlNet : public FeatureDetector {
   ~PlNet() override;
 
   // Throws Error on an image that is empty or not CV_8UC1, or a mask of another size.
-  Detections Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) override;
+  // Without a line module in the pack a request for lines is answered without.
+  Detections Detect(const cv::Mat& image, const cv::Mat& mask,
+                    const DetectionRequest& request) override;
 
   int descriptor_size() const override { return spec_.descriptor_size; }
+  bool finds_lines() const override { return spec_.lines.has_value(); }
 
-  // Compiles the network for images of this size now rather than at the first of them.
-  void Prepare(cv::Size image_size);
+  // Compiles the network for images of this size now rather than at the first of them, with or
+  // without the line module.
+  void Prepare(cv::Size image_size, bool lines = false);
 
  private:
   struct Instance;
 
-  Instance& InstanceFor(cv::Size image_size);
+  Instance& InstanceFor(cv::Size image_size, bool lines);
+  void LoadLineModule(const Network& network, std::int64_t height, std::int64_t width);
+  void DetectLines(const Network& network, const cv::Mat& image, const cv::Mat& mask,
+                   float min_score, Detections& detections);
+  std::vector<float> Classify(const Network& network, std::span<const Keypoint> junctions,
+                              std::span<const LineProposal> proposals);
 
   FeatureNetworkSpec spec_;
   NetworkLoader loader_;
   PlNetOptions options_;
   std::vector<std::unique_ptr<Instance>> instances_;  // latest used last
+  std::unique_ptr<Network> classifier_;               // loaded with the first instance with lines
+  std::vector<float> classifier_input_;
 };
 
 }  // namespace airslam

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 #include <thread>
 #include <vector>
 
@@ -140,6 +141,75 @@ TEST(PlNet, RefusesWhatItCannotTake) {
   spec = Spec();
   spec.scores = "heat";
   EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10), Error);
+}
+
+// The test network reads its maps from the image: cells of 255 are junctions, those of about 128
+// say that there is a line above them.
+cv::Mat DrawnLine(cv::Size cells, int row, int left, int right) {
+  cv::Mat maps(cells, CV_8UC1, cv::Scalar(0));
+  for (int column = left + 1; column < right; ++column) maps.at<std::uint8_t>(row, column) = 128;
+  maps.at<std::uint8_t>(row, left) = maps.at<std::uint8_t>(row, right) = 255;
+  cv::Mat image;
+  cv::resize(maps, image, {}, 4, 4, cv::INTER_NEAREST);
+  return image;
+}
+
+TEST(PlNet, FindsLinesInTheSamePass) {
+  PlNet plnet(Spec(), ExactLoader());
+  EXPECT_TRUE(plnet.finds_lines());
+  const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
+  const Detections found = plnet.Detect(image, cv::Mat(), {10, true, 0.5F});
+  ASSERT_EQ(found.lines.size(), 1U);
+  const LineSegment& line = found.lines[0];
+  EXPECT_NEAR(line.x1, 17.5, 1e-3);
+  EXPECT_NEAR(line.y1, 21.5, 1e-3);
+  EXPECT_NEAR(line.x2, 33.5, 1e-3);
+  EXPECT_NEAR(line.y2, 21.5, 1e-3);
+  // The four samples lie in junctions and between drawn cells.
+  const double mean = (2 + 2 * 128.0 / 255) / 4;
+  EXPECT_NEAR(line.score, 1 / (1 + std::exp(1 - 4 * mean)), 1e-4);
+  ASSERT_EQ(found.junctions.size(), 2U);
+  ASSERT_EQ(found.line_ends.size(), 1U);
+  EXPECT_EQ(found.junctions[static_cast<std::size_t>(found.line_ends[0].end)].x, line.x2);
+  EXPECT_EQ(found.junction_descriptors.rows(), 2);
+  EXPECT_NEAR(found.junction_descriptors.row(1).norm(), 1, 1e-5);
+  const Detections plain = plnet.Detect(image, cv::Mat(), 10);
+  EXPECT_TRUE(plain.lines.empty());
+  EXPECT_EQ(plain.keypoints.size(), found.keypoints.size());
+  EXPECT_EQ(plain.descriptors, found.descriptors);
+  EXPECT_TRUE(plnet.Detect(image, cv::Mat(), {10, true, 0.99F}).lines.empty());
+}
+
+TEST(PlNet, LinesKeepOutOfTheMask) {
+  PlNet plnet(Spec(), ExactLoader());
+  const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  mask.colRange(36, 64) = 0;
+  const Detections found = plnet.Detect(image, mask, {10, true, 0.0F});
+  EXPECT_TRUE(found.lines.empty());
+  EXPECT_TRUE(found.junctions.empty());
+}
+
+TEST(PlNet, WithoutALineModuleThereAreNoLines) {
+  FeatureNetworkSpec spec = Spec();
+  spec.lines.reset();
+  PlNet plnet(spec, ExactLoader());
+  EXPECT_FALSE(plnet.finds_lines());
+  EXPECT_TRUE(plnet.Detect(DrawnLine({16, 12}, 5, 4, 8), cv::Mat(), {10, true}).lines.empty());
+}
+
+TEST(PlNet, RefusesALineModuleThatDoesNotFit) {
+  const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
+  FeatureNetworkSpec spec = Spec();
+  spec.lines->channels = 3;
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
+  EXPECT_NO_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10));
+  spec = Spec();
+  spec.lines->samples = 5;  // the classifier takes another number of features
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
+  spec = Spec();
+  spec.lines->decoder.snap = -1;
+  EXPECT_THROW(PlNet(spec, ExactLoader()), Error);
 }
 
 TEST(NormalizeImage, UnitAndPadding) {

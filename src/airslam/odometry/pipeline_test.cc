@@ -41,7 +41,7 @@ class SpoiltSequence : public Sequence {
 
 class BrokenDetector : public FeatureDetector {
  public:
-  Detections Detect(const cv::Mat&, const cv::Mat&, int) override {
+  Detections Detect(const cv::Mat&, const cv::Mat&, const DetectionRequest&) override {
     throw std::runtime_error("the detector broke");
   }
   int descriptor_size() const override { return 64; }

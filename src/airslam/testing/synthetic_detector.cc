@@ -35,7 +35,9 @@ Eigen::Matrix<float, 1, kPatch * kPatch> Describe(const cv::Mat& smooth, const K
 
 }  // namespace
 
-Detections SyntheticDetector::Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) {
+Detections SyntheticDetector::Detect(const cv::Mat& image, const cv::Mat& mask,
+                                     const DetectionRequest& request) {
+  const int max_keypoints = request.max_keypoints;
   const auto border = static_cast<int>(std::ceil(kBorder)) + 1;
   Detections detections;
   detections.descriptors.resize(0, descriptor_size());

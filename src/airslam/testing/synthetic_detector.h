@@ -19,7 +19,8 @@ class SyntheticDetector : public FeatureDetector {
   SyntheticDetector() = default;
   explicit SyntheticDetector(const Options& options) : options_(options) {}
 
-  Detections Detect(const cv::Mat& image, const cv::Mat& mask, int max_keypoints) override;
+  Detections Detect(const cv::Mat& image, const cv::Mat& mask,
+                    const DetectionRequest& request) override;
   int descriptor_size() const override { return 64; }
 
  private:

@@ -57,6 +57,61 @@ def plnet(path):
           constant("blob", blob), constant("blob_bias", [-6])])
 
 
+LINE_CHANNELS, LINE_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 8, 16
+
+
+def plnet_lines(path):
+    """PLNet above, and maps of lines at 1/4 of the size for an image that draws its own maps: the value of a cell is the
+    mean of its 4x4 pixels. Junction heat: a cell of 1 has the logit 4, others below 0.9 at most -5.
+    Field: every cell under a mean of 0.25..0.75 has the confidence logit 4 and says "2 pixels up, 45 degrees to either end".
+    Line features: the mean, and 1."""
+    cells = np.zeros((D, 1, 4, 4), np.float32)
+    cells[0] = 1 / 16
+    cells[2, 0, :, :2], cells[2, 0, :, 2:] = -1 / 8, 1 / 8
+    cells[3, 0, :2, :], cells[3, 0, 2:, :] = -1 / 8, 1 / 8
+    blob = np.full((1, 1, 3, 3), -10 / 8, np.float32)
+    blob[0, 0, 1, 1] = 10
+    mean = np.full((1, 1, 4, 4), 1 / 16, np.float32)
+    heat = np.zeros((3, 1, 1, 1), np.float32)
+    heat[0] = 90
+    # confidence = 4 - 40 * relu(m - 0.75) - 40 * relu(0.25 - m)
+    edges = np.array([1, -1], np.float32).reshape(2, 1, 1, 1)
+    field = np.zeros((6, 2, 1, 1), np.float32)
+    field[0] = -40
+    features = np.array([1, 0], np.float32).reshape(2, 1, 1, 1)
+    distance = -np.log(7)  # sigmoid: 1/8, of the reach of 16 pixels
+    save(path,
+         [helper.make_node("Conv", ["image", "cells", "cells_bias"], ["descriptors"], strides=[4, 4]),
+          helper.make_node("Conv", ["image", "blob", "blob_bias"], ["score_logits"], pads=[1, 1, 1, 1]),
+          helper.make_node("Conv", ["image", "mean"], ["m"], strides=[4, 4]),
+          helper.make_node("Conv", ["m", "heat", "heat_bias"], ["junction_maps"]),
+          helper.make_node("Conv", ["m", "edges", "edges_bias"], ["outside"]),
+          helper.make_node("Relu", ["outside"], ["outside_only"]),
+          helper.make_node("Conv", ["outside_only", "field", "field_bias"], ["line_field"]),
+          helper.make_node("Conv", ["m", "features", "features_bias"], ["planes"]),
+          helper.make_node("Transpose", ["planes"], ["line_features"], perm=[0, 2, 3, 1])],
+         [tensor("image", [1, 1, "H", "W"])],
+         [tensor("descriptors", [1, D, "H4", "W4"]), tensor("score_logits", [1, 1, "H", "W"]),
+          tensor("line_field", [1, 6, "H4", "W4"]), tensor("junction_maps", [1, 3, "H4", "W4"]),
+          tensor("line_features", [1, "H4", "W4", LINE_CHANNELS])],
+         [constant("cells", cells), constant("cells_bias", [0, 1, 0, 0]), constant("blob", blob),
+          constant("blob_bias", [-6]), constant("mean", mean), constant("heat", heat), constant("heat_bias", [-86, 0, 0]),
+          constant("edges", edges), constant("edges_bias", [-0.75, 0.25]), constant("field", field),
+          constant("field_bias", [4, distance, 0, -1, 0, 0]), constant("features", features),
+          constant("features_bias", [0, 1])])
+
+
+def line_classifier(path):
+    """Logit: 4 * mean of the first pooled channel - 1."""
+    weights = np.zeros((LINE_SAMPLES * LINE_CHANNELS + LINE_EXTRAS, 1), np.float32)
+    weights[:LINE_SAMPLES * LINE_CHANNELS:LINE_CHANNELS] = 4 / LINE_SAMPLES
+    save(path, [helper.make_node("MatMul", ["features", "weights"], ["column"]),
+                helper.make_node("Squeeze", ["column", "last"], ["sum"]),
+                helper.make_node("Add", ["sum", "bias"], ["logits"])],
+         [tensor("features", ["N", LINE_SAMPLES * LINE_CHANNELS + LINE_EXTRAS])], [tensor("logits", ["N"])],
+         [constant("weights", weights), integers("last", [1]), constant("bias", [-1])])
+
+
 def masked(scores):
     """Nodes that multiply 1xNxN `scores` by both masks."""
     return [helper.make_node("Unsqueeze", ["mask0", "last"], ["mask_rows"]),
@@ -113,7 +168,12 @@ def manifest(folder):
 
     features = {**entry("plnet.onnx"), "input": "image", "normalization": "unit", "multiple": 16,
                 "descriptors": "descriptors", "scores": "score_logits", "descriptor_size": D, "descriptor_stride": 4,
-                "half_pixel": True, "score_threshold": -5.0, "nms_radius": 2}
+                "half_pixel": True, "score_threshold": -5.0, "nms_radius": 2,
+                "lines": {**entry("plnet_lines.onnx"), "field": "line_field", "junctions": "junction_maps",
+                          "pooled": "line_features", "channels": LINE_CHANNELS, "samples": LINE_SAMPLES, "stride": 4,
+                          "reach": 16.0, "min_confidence": 0.5, "min_junction": 0.5, "max_junctions": 8, "snap": 12.0,
+                          "max_proposals": PROPOSALS,
+                          "classifier": {**entry("line_classifier.onnx"), "input": "features", "output": "logits"}}}
     matcher = {"keypoints": N, "threshold": 0.1, "exit_confidence": 0.9,
                "stages": [entry("matcher_stage0.onnx"), entry("matcher_stage1.onnx")]}
     pack = {"format": 1, "name": "test", "license": "BSD-3-Clause", "features": features, "matcher": matcher,
@@ -125,6 +185,8 @@ def main():
     folder = HERE / "pack"
     folder.mkdir(exist_ok=True)
     plnet(folder / "plnet.onnx")
+    plnet_lines(folder / "plnet_lines.onnx")
+    line_classifier(folder / "line_classifier.onnx")
     stage0(folder / "matcher_stage0.onnx")
     stage1(folder / "matcher_stage1.onnx")
     manifest(folder)

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <span>
+#include <vector>
+
+#include "airslam/neural/detections.h"
+
+namespace airslam {
+
+// How a network's line maps become proposals. The values are the pack's: the classifier was trained
+// on proposals made with them.
+struct LineDecoderOptions {
+  int stride = 4;               // pixels a cell of the maps, 1..64
+  float reach = 16;             // pixels, > 0: the half width of a segment's attraction region
+  float min_confidence = 0.3F;  // 0..1: a cell less confident proposes nothing
+  float min_junction = 0.02F;   // 0..1: heat below it is no junction
+  int max_junctions = 256;      // >= 2
+  float snap = 24;              // pixels, > 0: the farthest junction that an end snaps to
+  int max_proposals = 768;      // >= 1
+  // A junction is at least so many pixels away from masked pixels (>= 0), and so is all of a line
+  // but for `max_masked` (0..1) of its length.
+  int mask_border = 4;
+  float max_masked = 0.1F;
+
+  // Throws Error that names the wrong field.
+  void Validate() const;
+};
+
+// Numbers of a proposal that the classifier reads beside the features along the line.
+inline constexpr int kLineExtras = 8;
+
+// Maps of one image, row-major planes of height x width cells; cell (row, column) is the pixel
+// (stride * column + (stride - 1) / 2, stride * row + (stride - 1) / 2).
+struct LineMaps {
+  // 6 planes: logit of the confidence, a, b, c, e1, e2. The attraction field (paper, section IV-B)
+  // is d = reach * sigmoid(a), theta = the angle of (b, c), theta_1 = pi/2 * sigmoid(e1),
+  // theta_2 = -pi/2 * sigmoid(e2): numbers whose relative precision survives bf16.
+  const float* field = nullptr;
+  // 3 planes: logit of the heat, offsets x and y, in cells after 0.5 * tanh.
+  const float* junctions = nullptr;
+  int width = 0;
+  int height = 0;
+};
+
+// A segment between two junctions, the left one first.
+struct LineProposal {
+  int start = 0, end = 0;  // indices of junctions
+  // log(1 + votes) / 4, votes per cell of length / 4 (votes at most 8 a cell), distance of the
+  // nearest ends of a vote / snap, mean confidence of the votes, heat of start and of end,
+  // length / 256, log(length + 1) / 4.
+  std::array<float, kLineExtras> extras = {};
+};
+
+// The segment x1, y1, x2, y2 in pixels that the cell at (row, column) proposes: with its centre p,
+// x_i = p + d * R(theta) * (1, tan theta_i)^T.
+std::array<float, 4> DecodeLine(const LineMaps& maps, const LineDecoderOptions& options, int row,
+                                int column);
+
+// Maxima of the heat in their 3x3 cells, best first (ties in row-major order), at most
+// max_junctions, moved into the image of `image_size`. mask: empty, or CV_8UC1 of that size.
+std::vector<Keypoint> FindJunctions(const LineMaps& maps, cv::Size image_size, const cv::Mat& mask,
+                                    const LineDecoderOptions& options);
+
+// Each confident cell's segment, its ends snapped to the nearest junctions; segments with the same
+// junctions are one proposal. They come by the summed confidence of their cells times the heat of
+// both junctions, best first (ties by junction indices), at most max_proposals. A proposal that
+// crosses masked pixels is left out.
+std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Keypoint> junctions,
+                                       const cv::Mat& mask, const LineDecoderOptions& options);
+
+// Fills lines, line_ends and junctions of `detections`, which are empty before: the proposals of at
+// least `min_score`, best first (ties by junction indices), and the junctions that are ends of
+// these, in their order. scores: one of each proposal.
+void KeepLines(std::span<const Keypoint> junctions, std::span<const LineProposal> proposals,
+               std::span<const float> scores, float min_score, Detections& detections);
+
+// Line-of-interest pooling: `samples` bilinear samples (>= 2) at equal steps from end to end of a
+// map of height x width x channels (channels innermost), clamped to it. out: samples * channels
+// floats, one sample after the other.
+void PoolAlongLine(const float* map, int width, int height, int channels, int stride,
+                   const Keypoint& start, const Keypoint& end, int samples, float* out);
+
+}  // namespace airslam
