@@ -35,6 +35,7 @@ int RunCommandLine(int argc, char** argv) {
   AddMapCommand(app);
   AddInfoCommand(app);
   AddFeaturesCommand(app);
+  AddDetectCommand(app);
   AddEvalCommand(app);
   try {
     app.parse(argc, argv);

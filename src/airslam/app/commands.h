@@ -10,6 +10,7 @@ namespace airslam {
 void AddMapCommand(CLI::App& app);
 void AddInfoCommand(CLI::App& app);
 void AddFeaturesCommand(CLI::App& app);
+void AddDetectCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
 
 }  // namespace airslam

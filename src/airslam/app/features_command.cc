@@ -2,15 +2,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
 #include "airslam/app/commands.h"
+#include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
 #include "airslam/neural/model_pack.h"
@@ -29,19 +28,6 @@ struct FeaturesArguments {
   std::string matcher = "transformer";
   int max_keypoints = 400;
 };
-
-// A picture file as 8-bit grey. 16-bit pictures are scaled by 1/256, colours are weighted.
-cv::Mat ReadGrey(const std::string& file) {
-  if (!std::filesystem::is_regular_file(file)) Fail("{}: no such picture", file);
-  cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-  if (image.empty()) Fail("{}: not a picture that can be read", file);
-  if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 256.0);
-  if (image.type() != CV_8UC1) {
-    Fail("{}: pixels of type {}, expected 8 or 16 bits a channel", file,
-         cv::typeToString(image.type()));
-  }
-  return image;
-}
 
 double MillisecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
@@ -81,20 +67,6 @@ cv::Mat Draw(const cv::Mat& image0, const cv::Mat& image1, const Detections& fea
   return canvas;
 }
 
-void WritePicture(const std::string& file, const cv::Mat& picture) {
-  bool written = false;
-  try {
-    written = cv::imwrite(file, picture);
-  } catch (const cv::Exception&) {  // an ending that names no picture format
-  }
-  if (!written) {
-    Fail(
-        "{}: the picture could not be written; the folder must exist and the name end in .png "
-        "or .jpg",
-        file);
-  }
-}
-
 void WriteMatches(const std::string& file, const Detections& features0, const Detections& features1,
                   const std::vector<Match>& matches) {
   std::ofstream stream(file);
@@ -121,8 +93,8 @@ std::unique_ptr<FeatureMatcher> MakeMatcher(const std::string& kind, const Model
 }
 
 void RunFeatures(const FeaturesArguments& arguments) {
-  const cv::Mat image0 = ReadGrey(arguments.image0);
-  const cv::Mat image1 = ReadGrey(arguments.image1);
+  const cv::Mat image0 = ReadGreyPicture(arguments.image0);
+  const cv::Mat image1 = ReadGreyPicture(arguments.image1);
   const ModelPack pack = LoadModelPack(arguments.model);
   PlNet plnet(pack.features);
   plnet.Prepare(image0.size());
