@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""PLNet's line module: a U-Net-like neck on the frozen backbone, the attraction field, junctions and the classifier.
+
+A segment (x1, x2) is encoded into every cell p of a map at 1/4 of the image size whose foot on the segment lies between
+the ends and no farther than REACH: d is the distance, theta the direction from p to its foot, theta1 in (0, pi/2) and
+theta2 in (-pi/2, 0) the angles between that direction and the ends, so that (paper, section IV)
+
+    x_i = p + d * R(theta) * (1, tan theta_i)^T.
+
+The network gives raw numbers that keep their relative precision in bf16: d = REACH * sigmoid(a), theta = the angle of
+(b, c), |theta_i| = pi/2 * sigmoid(e_i), and a confidence logit. Cell (row, column) is the pixel (4 column + 1.5, 4 row + 1.5).
+"""
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from .networks import ConvBnRelu, PLNetConfig, Residual
+
+STRIDE = 4
+REACH = 16.0  # pixels: the half width of a segment's attraction region
+FIELD = 6  # confidence, a, b, c, e1, e2
+JUNCTION = 3  # logit, offset x, offset y (cells, after 0.5 * tanh)
+
+
+@dataclass(frozen=True)
+class LineConfig:
+    """Widths of the neck at /32, /16, /8, /4, channels of the map that is pooled, and the classifier."""
+
+    w32: int = 128
+    w16: int = 96
+    w8: int = 64
+    w4: int = 32
+    n32: int = 4
+    n4: int = 2
+    pooled: int = 16
+    samples: int = 32
+    hidden: int = 96
+
+    def to_dict(self) -> dict:
+        return asdict(self)
+
+
+def _up2(x: Tensor, like: Tensor) -> Tensor:
+    """Twice the size, cut to the size of the finer map (which is odd when the image is no multiple of 32)."""
+    return F.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)[..., :like.shape[2], :like.shape[3]]
+
+
+class LineNeck(nn.Module):
+    """Backbone features at /4, /8, /16 -> field B x 6, junctions B x 3 and pooled features B x C, all x H/4 x W/4."""
+
+    def __init__(self, b: PLNetConfig, c: LineConfig):
+        super().__init__()
+        self.down32 = ConvBnRelu(b.w16, c.w32, stride=2)
+        self.stage32 = nn.Sequential(*[Residual(c.w32) for _ in range(c.n32 // 2)])
+        self.from32 = nn.Conv2d(c.w32, c.w16, 1)
+        self.lateral16 = nn.Conv2d(b.w16, c.w16, 1)
+        self.stage16 = ConvBnRelu(c.w16, c.w16)
+        self.from16 = nn.Conv2d(c.w16, c.w8, 1)
+        self.lateral8 = nn.Conv2d(b.w8, c.w8, 1)
+        self.stage8 = ConvBnRelu(c.w8, c.w8)
+        self.from8 = nn.Conv2d(c.w8, c.w4, 1)
+        self.lateral4 = nn.Conv2d(b.w4, c.w4, 3, padding=1)
+        self.stage4 = nn.Sequential(*[Residual(c.w4) for _ in range(c.n4 // 2)])
+        self.field = nn.Sequential(ConvBnRelu(c.w4, c.w4), nn.Conv2d(c.w4, FIELD, 1))
+        self.rest = nn.Conv2d(c.w4, JUNCTION + c.pooled, 1)
+        with torch.no_grad():  # start near the rates of the labels
+            self.rest.bias[0] = -4.0
+
+    def forward(self, f4: Tensor, f8: Tensor, f16: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        x = self.stage32(self.down32(f16))
+        x = self.stage16(F.relu(self.lateral16(f16) + _up2(self.from32(x), f16)))
+        x = self.stage8(F.relu(self.lateral8(f8) + _up2(self.from16(x), f8)))
+        x = self.stage4(F.relu(self.lateral4(f4) + _up2(self.from8(x), f4)))
+        rest = self.rest(x)
+        return self.field(x), rest[:, :JUNCTION], rest[:, JUNCTION:]
+
+
+# ---------------------------------------------------------------- decoding
+
+EXTRA = 8  # numbers beside the pooled features that the classifier reads
+
+
+@dataclass(frozen=True)
+class DecoderOptions:
+    """The same numbers rule training, evaluation and (by the manifest) the C++ decoder."""
+
+    confidence: float = 0.3  # a cell below it proposes nothing
+    junction: float = 0.02  # heat below it is no junction
+    junctions: int = 256
+    snap: float = 24.0  # pixels: the farthest junction that an end snaps to
+    proposals: int = 768
+
+
+def decode_field(field: Tensor, cells: Tensor) -> Tensor:
+    """Segments K x 4 (x1, y1, x2, y2 in pixels) proposed by cells K x 2 (row, column) of a field 6 x h x w."""
+    a, b, c, e1, e2 = field[1:, cells[:, 0], cells[:, 1]]
+    d = REACH * torch.sigmoid(a)
+    norm = (b * b + c * c).clamp_min(1e-12).sqrt()
+    cos, sin = b / norm, c / norm
+    t1, t2 = torch.tan(math.pi / 2 * torch.sigmoid(e1)), -torch.tan(math.pi / 2 * torch.sigmoid(e2))
+    x, y = cells[:, 1] * STRIDE + 1.5, cells[:, 0] * STRIDE + 1.5
+    return torch.stack([x + d * (cos - sin * t1), y + d * (sin + cos * t1),
+                        x + d * (cos - sin * t2), y + d * (sin + cos * t2)], 1)
+
+
+def find_junctions(maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Tensor]:
+    """Junction map 3 x h x w -> positions J x 2 in pixels and scores J: 3 x 3 maxima, best first."""
+    heat = torch.sigmoid(maps[0])
+    peak = (F.max_pool2d(heat[None], 3, 1, 1)[0] == heat) & (heat > o.junction)
+    row, column = torch.nonzero(peak, as_tuple=True)
+    score = heat[row, column]
+    order = torch.sort(score, descending=True, stable=True).indices[:o.junctions]
+    row, column, score = row[order], column[order], score[order]
+    offset = 0.5 * torch.tanh(maps[1:, row, column])
+    return torch.stack([(column + offset[0]) * STRIDE + 1.5, (row + offset[1]) * STRIDE + 1.5], 1), score
+
+
+def propose(field: Tensor, maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Segments whose ends are junctions: field 6 x h x w and junction map 3 x h x w of one image.
+
+    Returns ends N x 4 (pixels), what else the classifier reads N x EXTRA, indices of both junctions N x 2, junctions
+    J x 3 (x, y, score). Cells that name the same two junctions are one proposal; they come by the summed confidence of
+    their cells times the heat of both junctions.
+    """
+    points, heat = find_junctions(maps, o)
+    confidence = torch.sigmoid(field[0])
+    cells = torch.nonzero(confidence > o.confidence)
+    junctions = torch.cat([points, heat[:, None]], 1)
+    if len(cells) == 0 or len(points) < 2:
+        return field.new_zeros(0, 4), field.new_zeros(0, EXTRA), cells.new_zeros(0, 2), junctions
+    raw = decode_field(field, cells)
+    distance, nearest = torch.cdist(raw.reshape(-1, 2), points).min(1)
+    distance, nearest = distance.view(-1, 2), nearest.view(-1, 2)
+    good = (distance.amax(1) < o.snap) & (nearest[:, 0] != nearest[:, 1])
+    sure = confidence[cells[:, 0], cells[:, 1]][good]
+    distance, nearest = distance[good].sum(1), nearest[good].sort(1).values
+    key, group, votes = torch.unique(nearest[:, 0] * len(points) + nearest[:, 1], return_inverse=True, return_counts=True)
+    closest = torch.full((len(key),), 2 * o.snap, device=field.device).scatter_reduce(0, group, distance, "amin")
+    total = torch.zeros(len(key), device=field.device).index_add(0, group, sure)
+    mean, pair = total / votes, torch.stack([key // len(points), key % len(points)], 1)
+    order = torch.sort(total * heat[pair].prod(1), descending=True, stable=True).indices[:o.proposals]
+    pair = pair[order]
+    # From left to right, so that the classifier sees a segment in one direction only.
+    swap = points[pair[:, 0], 0] > points[pair[:, 1], 0]
+    pair = torch.where(swap[:, None], pair.flip(1), pair)
+    ends = points[pair].reshape(-1, 4)
+    length = (ends[:, :2] - ends[:, 2:]).norm(dim=1)
+    votes = votes[order].float()
+    extra = torch.stack([torch.log1p(votes) / 4, (votes / (length / STRIDE + 1)).clamp_max(8) / 4,
+                         closest[order] / o.snap, mean[order], heat[pair[:, 0]], heat[pair[:, 1]],
+                         length / 256, torch.log(length + 1) / 4], 1)
+    return ends, extra, pair, junctions
+
+
+class LineClassifier(nn.Module):
+    """Is a proposal a line? Features sampled along it (N x samples x pooled) and EXTRA numbers -> logits N."""
+
+    def __init__(self, c: LineConfig):
+        super().__init__()
+        self.samples = c.samples
+        self.layers = nn.Sequential(nn.Linear(c.samples * c.pooled + EXTRA, c.hidden), nn.ReLU(inplace=True),
+                                    nn.Linear(c.hidden, c.hidden), nn.ReLU(inplace=True), nn.Linear(c.hidden, 1))
+
+    def pool(self, maps: Tensor, ends: Tensor) -> Tensor:
+        """Bilinear samples at equal steps from end to end: maps C x h x w, ends N x 4 in pixels -> N x samples * C."""
+        t = torch.linspace(0, 1, self.samples, device=ends.device)[None, :, None]
+        points = ends[:, None, :2] * (1 - t) + ends[:, None, 2:] * t
+        size = torch.tensor([maps.shape[2], maps.shape[1]], device=ends.device)
+        grid = (points + 0.5) / (STRIDE * size) * 2 - 1
+        sampled = F.grid_sample(maps[None], grid[None], mode="bilinear", padding_mode="border", align_corners=False)
+        return sampled[0].permute(1, 2, 0).flatten(1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """N x (samples * C + EXTRA) -> N."""
+        return self.layers(features)[:, 0]
+
+
+class LineModule(nn.Module):
+    """All that is trained in the second round."""
+
+    def __init__(self, b: PLNetConfig = PLNetConfig(), c: LineConfig = LineConfig()):
+        super().__init__()
+        self.config = c
+        self.neck = LineNeck(b, c)
+        self.classifier = LineClassifier(c)
+
+    def classify(self, pooled: Tensor, ends: Tensor, extra: Tensor) -> Tensor:
+        """Logits N of the proposals of one image, pooled C x h x w."""
+        return self.classifier(torch.cat([self.classifier.pool(pooled, ends), extra], 1))
+
+    @torch.no_grad()
+    def detect(self, features, o: DecoderOptions = DecoderOptions()) -> tuple[Tensor, Tensor]:
+        """Backbone features of one image -> all proposals N x 5 (ends, probability), best first, and junctions J x 3."""
+        field, maps, pooled = [m[0].float() for m in self.neck(*features)]
+        ends, extra, _, junctions = propose(field, maps, o)
+        score = torch.sigmoid(self.classify(pooled, ends, extra)) if len(ends) else ends.new_zeros(0)
+        order = torch.sort(score, descending=True, stable=True).indices
+        return torch.cat([ends, score[:, None]], 1)[order], junctions
