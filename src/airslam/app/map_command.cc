@@ -49,8 +49,14 @@ class Narrator {
               record.state == FrameState::kInitialized ? "a new component starts"
                                                        : "tracking recovered");
     }
+    const bool inertial = record.state == FrameState::kInertial;
+    if (inertial && !was_inertial_) LogWarn("frame {}: vision lost, the IMU carries on", index);
+    if (!inertial && !lost && was_inertial_) LogWarn("frame {}: vision is back", index);
     was_lost_ = lost;
-    state_ = lost ? "lost" : fmt::format("{} points", record.tracked_points);
+    was_inertial_ = inertial;
+    state_ = lost       ? "lost"
+             : inertial ? "IMU alone"
+                        : fmt::format("{} points", record.tracked_points);
     progress_.Update(index + 1, state_);
   }
 
@@ -61,6 +67,7 @@ class Narrator {
   int frames_;
   std::string state_;
   bool was_lost_ = false;
+  bool was_inertial_ = false;
 };
 
 void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::string& out) {
@@ -78,6 +85,7 @@ void RunMap(const MapArguments& arguments) {
   OdometryOptions options;
   if (!arguments.config.empty()) LoadOptions(arguments.config, options);
   options.Validate();
+  if (arguments.no_imu) options.inertial.enabled = false;
   const std::unique_ptr<Sequence> sequence = OpenSequence(arguments.dataset);
   for (const std::string& warning : sequence->warnings()) LogWarn("{}", warning);
   const StereoRectifier rectifier(sequence->rig());
@@ -112,15 +120,14 @@ void RunMap(const MapArguments& arguments) {
 void AddMapCommand(CLI::App& app) {
   auto arguments = std::make_shared<MapArguments>();
   CLI::App* command =
-      app.add_subcommand("map", "Stereo odometry: a sequence to a trajectory and a map");
+      app.add_subcommand("map", "Stereo(-inertial) odometry: a sequence to a trajectory and a map");
   command->add_option("dataset", arguments->dataset, "EuRoC (holds mav0) or KITTI odometry folder")
       ->required();
   command->add_option("--out", arguments->out, "Folder of results; an earlier one is replaced")
       ->required();
   command->add_option("--config", arguments->config, "YAML file of options");
   command->add_option("--model", arguments->model, "Model pack: a name or a folder");
-  command->add_flag("--no-imu", arguments->no_imu,
-                    "Leave the IMU out (it is not used yet in this version)");
+  command->add_flag("--no-imu", arguments->no_imu, "Leave the IMU out: stereo alone");
   command->callback([arguments] { RunMap(*arguments); });
 }
 
