@@ -5,6 +5,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -26,6 +27,7 @@ struct Round {
   const std::vector<bool>& outlier;
   double huber;
   int iterations;
+  double visual_variance;  // of a pixel coordinate, in squares of its assumed sigma
 };
 
 int SolveRound(const BundleProblem& bundle, const Factors& factors, const Round& round,
@@ -45,7 +47,7 @@ int SolveRound(const BundleProblem& bundle, const Factors& factors, const Round&
     solver.linear_solver_ordering->AddElementToGroup(parameters.points[o.point].data(), 0);
     solver.linear_solver_ordering->AddElementToGroup(parameters.poses[o.pose].data(), 1);
   }
-  inertial.AddTo(parameters.poses, 1, problem, *solver.linear_solver_ordering);
+  inertial.AddTo(parameters.poses, round.visual_variance, 1, problem, *solver.linear_solver_ordering);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     double* pose = parameters.poses[i].data();
     if (!problem.HasParameterBlock(pose)) continue;
@@ -89,6 +91,19 @@ double Judge(const BundleProblem& bundle, const Factors& factors, const Paramete
   return coordinates > 0 ? std::sqrt(squares / coordinates) : 0;
 }
 
+// The variance of a pixel coordinate as the residuals show it, in squares of its assumed sigma: what
+// the IMU is weighed against. At most 1.
+double VisualVariance(const BundleProblem& bundle, const std::vector<bool>& outlier, double rms) {
+  int coordinates = 0;
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    if (!outlier[i]) coordinates += bundle.observations[i].seen.has_right() ? 3 : 2;
+  }
+  const auto unknowns = static_cast<double>(3 * bundle.points_in_world.size() +
+                                            6 * bundle.world_from_cam.size());
+  const double freedom = std::max(coordinates - unknowns, 0.1 * coordinates);
+  return coordinates > 0 ? std::clamp(rms * rms * coordinates / freedom, 0.01, 1.0) : 1.0;
+}
+
 }  // namespace
 
 BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) {
@@ -104,13 +119,15 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   summary.outlier.assign(factors.size(), false);
   summary.initial_rms = Judge(*problem, factors, parameters, 0, summary.outlier);
   InertialBundle inertial(problem->inertial);
-  summary.iterations =
-      SolveRound(*problem, factors, {summary.outlier, options.huber, options.robust_iterations},
-                 parameters, inertial);
-  Judge(*problem, factors, parameters, options.max_error, summary.outlier);
-  summary.iterations +=
-      SolveRound(*problem, factors, {summary.outlier, options.huber, options.final_iterations},
-                 parameters, inertial);
+  double variance = VisualVariance(*problem, summary.outlier, summary.initial_rms);
+  summary.iterations = SolveRound(
+      *problem, factors, {summary.outlier, options.huber, options.robust_iterations, variance},
+      parameters, inertial);
+  const double rms = Judge(*problem, factors, parameters, options.max_error, summary.outlier);
+  variance = VisualVariance(*problem, summary.outlier, rms);
+  summary.iterations += SolveRound(
+      *problem, factors, {summary.outlier, options.huber, options.final_iterations, variance},
+      parameters, inertial);
   summary.final_rms =
       Judge(*problem, factors, parameters, options.max_error, summary.outlier);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {

@@ -42,13 +42,16 @@ InertialBundle::InertialBundle(const InertialTerms& terms)
   }
 }
 
-void InertialBundle::AddTo(std::vector<PoseParameter>& poses, int group, ceres::Problem& problem,
-                           ceres::ParameterBlockOrdering& ordering) {
+void InertialBundle::AddTo(std::vector<PoseParameter>& poses, double weight, int group,
+                           ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering) {
   if (terms_.links.empty()) return;
+  robust_ = std::make_unique<ceres::ScaledLoss>(new ceres::HuberLoss(kHuber), weight,
+                                                ceres::TAKE_OWNERSHIP);
+  plain_ = std::make_unique<ceres::ScaledLoss>(nullptr, weight, ceres::TAKE_OWNERSHIP);
   problem.AddParameterBlock(gravity_.data(), 3);
   if (gravity_prior_) {
     problem.SetManifold(gravity_.data(), new GravityManifold);
-    problem.AddResidualBlock(gravity_prior_.get(), nullptr, gravity_.data());
+    problem.AddResidualBlock(gravity_prior_.get(), plain_.get(), gravity_.data());
   } else {
     problem.SetParameterBlockConstant(gravity_.data());
   }
@@ -57,10 +60,11 @@ void InertialBundle::AddTo(std::vector<PoseParameter>& poses, int group, ceres::
     const int from = terms_.links[i].from, to = terms_.links[i].to;
     double* pose_from = poses[terms_.states[from].pose].data();
     double* pose_to = poses[terms_.states[to].pose].data();
-    problem.AddResidualBlock(motions_[i].get(), &loss_, pose_from, velocities_[from].data(),
+    problem.AddResidualBlock(motions_[i].get(), robust_.get(), pose_from, velocities_[from].data(),
                              biases_[from].data(), pose_to, velocities_[to].data(),
                              gravity_.data());
-    problem.AddResidualBlock(walks_[i].get(), nullptr, biases_[from].data(), biases_[to].data());
+    problem.AddResidualBlock(walks_[i].get(), plain_.get(), biases_[from].data(),
+                             biases_[to].data());
     for (const int state : {from, to}) {
       ordering.AddElementToGroup(poses[terms_.states[state].pose].data(), group);
       ordering.AddElementToGroup(velocities_[state].data(), group + 1);
@@ -69,7 +73,7 @@ void InertialBundle::AddTo(std::vector<PoseParameter>& poses, int group, ceres::
   }
   for (std::size_t i = 0; i < terms_.priors.size(); ++i) {
     double* bias = biases_[terms_.priors[i].state].data();
-    problem.AddResidualBlock(priors_[i].get(), nullptr, bias);
+    problem.AddResidualBlock(priors_[i].get(), plain_.get(), bias);
     ordering.AddElementToGroup(bias, group + 2);
   }
 }

@@ -52,11 +52,11 @@ class InertialBundle {
   // Throws Error when a link spans no time or a prior's covariance is not positive definite.
   explicit InertialBundle(const InertialTerms& terms);
 
-  // Adds the factors. `poses`: one a pose of the bundle. In the elimination order they stay in
-  // group `group`; velocities, biases and gravity come into the three groups after it. (Ceres
-  // orders the blocks of one group by address: those of one allocation only may share a group, or
-  // runs would not repeat.)
-  void AddTo(std::vector<PoseParameter>& poses, int group, ceres::Problem& problem,
+  // Adds the factors, their squares times `weight`. `poses`: one a pose of the bundle. In the
+  // elimination order they stay in group `group`; velocities, biases and gravity come into the
+  // three groups after it. (Ceres orders the blocks of one group by address: those of one
+  // allocation only may share a group, or runs would not repeat.)
+  void AddTo(std::vector<PoseParameter>& poses, double weight, int group, ceres::Problem& problem,
              ceres::ParameterBlockOrdering& ordering);
 
   // Writes velocities, biases and gravity as they are now.
@@ -74,7 +74,7 @@ class InertialBundle {
   std::vector<Eigen::Vector3d> velocities_;
   std::vector<BiasParameter> biases_;
   Eigen::Vector3d gravity_;
-  ceres::HuberLoss loss_{kHuber};
+  std::unique_ptr<ceres::LossFunction> robust_, plain_;
 };
 
 }  // namespace airslam

@@ -140,6 +140,18 @@ TEST_F(InertialBundleTest, WrongReadingsDoNotBendTheMap) {
   for (int i = 0; i < kKeyframes; ++i) EXPECT_LT(PositionError(i), 0.04) << i;
 }
 
+// The same readings pull less where the points scatter less than their sigma says.
+TEST_F(InertialBundleTest, IsWeighedAgainstWhatThePointsShow) {
+  BundleProblem modest = problem_;
+  for (BundleProblem::Observation& o : modest.observations) o.seen.sigma = 1.2;  // four times
+  SolveBundle({}, &problem_);
+  SolveBundle({}, &modest);
+  for (int i = 0; i < kKeyframes; ++i) {
+    const Rigid3 difference = problem_.world_from_cam[i].Inverse() * modest.world_from_cam[i];
+    EXPECT_LT(difference.translation.norm(), 1e-3) << i;
+  }
+}
+
 TEST_F(InertialBundleTest, RepeatsBitByBit) {
   BundleProblem again = problem_;
   SolveBundle({}, &problem_);
