@@ -12,6 +12,7 @@
 
 #include "airslam/common/error.h"
 #include "airslam/neural/keypoint_decoder.h"
+#include "airslam/neural/line_decoder.h"
 #include "airslam/neural/nearest_matcher.h"
 #include "airslam/neural/plnet.h"
 #include "airslam/neural/transformer_matcher.h"
@@ -59,6 +60,57 @@ BENCHMARK(BM_PlNet)
     ->ArgsProduct({{1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
+
+// The same with lines, on one core. Argument: bf16 (else f32).
+void BM_PlNetWithLines(benchmark::State& state) {
+  OpenVinoOptions options;
+  options.precision = state.range(0) != 0 ? Precision::kBf16 : Precision::kF32;
+  PlNet plnet(Pack().features, OpenVinoLoader(options));
+  const cv::Mat image = Picture(0);
+  plnet.Prepare(kSize, true);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(plnet.Detect(image, cv::Mat(), {kKeypoints, true}));
+  }
+}
+BENCHMARK(BM_PlNetWithLines)
+    ->ArgName("bf16")
+    ->Arg(0)
+    ->Arg(1)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
+// From the maps of lines to proposals and the features along them.
+void BM_DecodeLines(benchmark::State& state) {
+  const FeatureNetworkSpec spec = Pack().features;
+  if (!spec.lines) Fail("the model pack has no line module");
+  const LineNetworkSpec& lines = *spec.lines;
+  const int m = spec.multiple;
+  const int width = (kSize.width + m - 1) / m * m, height = (kSize.height + m - 1) / m * m;
+  const auto network =
+      LoadOpenVinoNetwork(lines.network.path, {{spec.input, {1, 1, height, width}}});
+  std::vector<float> image(static_cast<std::size_t>(width * height));
+  NormalizeImage(Picture(0), spec.normalization, width, height, image.data());
+  const NamedTensor input{spec.input, {image.data(), {1, 1, height, width}}};
+  network->Run({&input, 1});
+  const TensorView field = network->Output(lines.field), pooled = network->Output(lines.pooled);
+  const int columns = static_cast<int>(field.shape[3]), rows = static_cast<int>(field.shape[2]);
+  const LineMaps maps{field.data, network->Output(lines.junctions).data, columns, rows};
+  std::vector<float> along(static_cast<std::size_t>(lines.samples * lines.channels));
+  std::size_t proposals = 0;
+  for (auto _ : state) {
+    const auto junctions = FindJunctions(maps, kSize, cv::Mat(), lines.decoder);
+    const auto found = ProposeLines(maps, junctions, cv::Mat(), lines.decoder);
+    for (const LineProposal& p : found) {
+      PoolAlongLine(pooled.data, columns, rows, lines.channels, lines.decoder.stride,
+                    junctions[static_cast<std::size_t>(p.start)],
+                    junctions[static_cast<std::size_t>(p.end)], lines.samples, along.data());
+      benchmark::DoNotOptimize(along.data());
+    }
+    proposals = found.size();
+  }
+  state.counters["proposals"] = static_cast<double>(proposals);
+}
+BENCHMARK(BM_DecodeLines)->Unit(benchmark::kMillisecond);
 
 void BM_Normalize(benchmark::State& state) {
   const cv::Mat image = Picture(0);

@@ -6,7 +6,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "airslam/app/test_dataset.h"
 #include "airslam/dataset/trajectory.h"
@@ -68,7 +71,7 @@ TEST(CommandLine, HelpAndVersionAreNoErrors) {
   const TemporaryFolder folder;
   const ProgramResult help = RunProgram(folder.path(), {"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"map", "info", "features", "eval"}) {
+  for (const char* command : {"map", "info", "features", "detect", "eval"}) {
     EXPECT_THAT(help.out, HasSubstr(command));
   }
   EXPECT_THAT(RunProgram(folder.path(), {"map", "--help"}).out, HasSubstr("--config"));
@@ -219,6 +222,91 @@ TEST(CommandLine, FeaturesDrawsMatchesOfTwoImages) {
                   "nowhere.png: no such picture");
   ExpectComplaint(RunProgram(folder.path(), {"features", image0, image1, "--out", "picture.xyz"}),
                   "picture.xyz");
+}
+
+// Rows of a table of numbers without a header.
+std::vector<std::vector<double>> Table(const fs::path& file) {
+  std::vector<std::vector<double>> rows;
+  for (const std::string& line : Lines(ReadText(file))) {
+    std::istringstream stream(line);
+    rows.emplace_back();
+    for (std::string value; std::getline(stream, value, ',');) rows.back().push_back(stod(value));
+  }
+  return rows;
+}
+
+// A bright rectangle with corners at (60, 50) and (260, 170) on a dark ground.
+cv::Mat Rectangle(cv::Size size) {
+  cv::Mat image(size, CV_8UC1, cv::Scalar(70));
+  image(cv::Rect(60, 50, 200, 120)) = 180;
+  return image;
+}
+
+// Whether a row of a table of lines is one of its sides.
+bool IsSide(const std::vector<double>& line) {
+  const auto near = [&](double x1, double y1, double x2, double y2) {
+    const auto ends = [&](double a, double b, double c, double d) {
+      return std::hypot(line[0] - a, line[1] - b) < 5 && std::hypot(line[2] - c, line[3] - d) < 5;
+    };
+    return ends(x1, y1, x2, y2) || ends(x2, y2, x1, y1);
+  };
+  return near(60, 50, 260, 50) || near(60, 170, 260, 170) || near(60, 50, 60, 170) ||
+         near(260, 50, 260, 170);
+}
+
+TEST(CommandLine, DetectWritesKeypointsAndLines) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder.path() / "in");
+  folder.Write("in/notes.txt", "not a picture");
+  cv::imwrite(folder.path() / "in" / "a.png", Rectangle({331, 227}));
+  cv::imwrite(folder.path() / "in" / "b.JPG", Rectangle({320, 240}));
+  const ProgramResult run =
+      RunProgram(folder.path(), {"detect", "in", "--out", "new/out", "--draw"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("2 pictures"));
+  const fs::path out = folder.path() / "new" / "out";
+  for (const std::string name : {"a", "b"}) {
+    const auto keypoints = Table(out / (name + ".keypoints.csv"));
+    ASSERT_FALSE(keypoints.empty());
+    EXPECT_EQ(keypoints[0].size(), 3u);
+    const auto lines = Table(out / (name + ".lines.csv"));
+    ASSERT_FALSE(lines.empty());
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      ASSERT_EQ(lines[i].size(), 5u);
+      EXPECT_LE(lines[i][4], lines[i > 0 ? i - 1 : 0][4]);  // best first
+      EXPECT_GE(lines[i][0], 0);
+      EXPECT_LE(lines[i][2], 330);
+    }
+    // At least one side of the rectangle is found.
+    EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), IsSide));
+  }
+  EXPECT_EQ(cv::imread(out / "a.features.png").size(), cv::Size(331, 227));
+  EXPECT_EQ(std::distance(fs::directory_iterator(out), {}), 6);
+  // A second run, on one of them, gives the same and leaves the other alone.
+  const std::string before = ReadText(out / "a.lines.csv");
+  EXPECT_EQ(RunProgram(folder.path(), {"detect", "in/a.png", "--out", "new/out"}).exit_code, 0);
+  EXPECT_EQ(ReadText(out / "a.lines.csv"), before);
+  EXPECT_TRUE(fs::exists(out / "b.lines.csv"));
+}
+
+TEST(CommandLine, DetectSaysWhatIsWrong) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder.path() / "empty");
+  folder.Write("broken/a.png", "no picture");
+  folder.Write("twice/a.png", "");
+  folder.Write("twice/a.jpg", "");
+  cv::imwrite(folder.path() / "good.png", Rectangle({320, 240}));
+  const auto expect = [&](std::vector<std::string> arguments, const std::string& words) {
+    arguments.insert(arguments.begin(), "detect");
+    ExpectComplaint(RunProgram(folder.path(), arguments), words);
+    EXPECT_FALSE(fs::exists(folder.path() / "out"));
+  };
+  expect({"nowhere.png", "--out", "out"}, "nowhere.png: no such picture");
+  expect({"empty", "--out", "out"}, "empty: no picture in this folder");
+  expect({"broken", "--out", "out"}, "a.png: not a picture that can be read");
+  expect({"twice", "--out", "out"}, "rename one of them");
+  expect({"good.png", "--out", "out", "--model", "nothing"}, "no model pack 'nothing'");
+  expect({"good.png", "--out", "good.png"}, "good.png: the folder of results cannot be created");
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <tuple>
 #include <utility>
@@ -146,51 +147,150 @@ std::vector<Vote> CollectVotes(const LineMaps& maps, std::span<const Keypoint> j
   return votes;
 }
 
-// The votes for one pair of junctions.
-struct Ballot {
-  std::uint32_t key = 0;
-  int votes = 0;
-  float nearest = 0;     // the least distance
-  float confidence = 0;  // summed
+constexpr int kSupportSamples = 16;
+constexpr float kSupportOffset = 5;    // pixels
+constexpr float kSupportDistance = 4;  // pixels
+constexpr float kSupportCosine = 0.85F;
+constexpr float kSupportConfidence = 0.2F;
+
+// The line that each cell sees: its foot on it and its direction there.
+class SeenLines {
+ public:
+  SeenLines(const LineMaps& maps, const LineDecoderOptions& options)
+      : width_(maps.width), height_(maps.height), stride_(static_cast<float>(options.stride)) {
+    const std::ptrdiff_t plane = Plane(maps);
+    const float threshold = Logit(kSupportConfidence);
+    cells_.resize(static_cast<std::size_t>(plane));
+    for (std::ptrdiff_t i = 0; i < plane; ++i) {
+      const float* cell = maps.field + i;
+      if (!(*cell > threshold)) continue;
+      const float b = cell[2 * plane], c = cell[3 * plane];
+      const float norm = std::max(std::sqrt(b * b + c * c), 1e-6F);
+      const float d = options.reach * Sigmoid(cell[plane]);
+      Seen& seen = cells_[static_cast<std::size_t>(i)];
+      seen.cosine = b / norm;
+      seen.sine = c / norm;
+      seen.x = Centre(static_cast<int>(i % maps.width), options.stride) + d * seen.cosine;
+      seen.y = Centre(static_cast<int>(i / maps.width), options.stride) + d * seen.sine;
+    }
+  }
+
+  // Share of the samples between two junctions that agree; stops where fewer than `least` can.
+  float Support(const Keypoint& p, const Keypoint& q, float least) const {
+    const float length = std::hypot(q.x - p.x, q.y - p.y);
+    if (!(length > 0)) return 0;
+    const Line line{p.x, p.y, (p.y - q.y) / length, (q.x - p.x) / length};
+    int agree = 0;
+    for (int i = 0; i < kSupportSamples; ++i) {
+      const float t = (static_cast<float>(i) + 0.5F) / kSupportSamples;
+      const float x = p.x + t * (q.x - p.x), y = p.y + t * (q.y - p.y);
+      agree += Agrees(line, x, y, -kSupportOffset) || Agrees(line, x, y, kSupportOffset) ? 1 : 0;
+      if (static_cast<float>(agree + kSupportSamples - 1 - i) < least * kSupportSamples) return 0;
+    }
+    return static_cast<float>(agree) / kSupportSamples;
+  }
+
+ private:
+  // Cosine and sine of 0 mark a cell that sees no line.
+  struct Seen {
+    float x = 0, y = 0, cosine = 0, sine = 0;
+  };
+  struct Line {
+    float x, y, normal_x, normal_y;
+  };
+
+  bool Agrees(const Line& line, float x, float y, float side) const {
+    const auto cell = [&](float pixel, int size) {
+      const float c = (pixel - (stride_ - 1) / 2) / stride_;
+      return std::clamp(static_cast<int>(std::nearbyint(c)), 0, size - 1);
+    };
+    const int column = cell(x + side * line.normal_x, width_);
+    const int row = cell(y + side * line.normal_y, height_);
+    const Seen& seen = cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                              static_cast<std::size_t>(column)];
+    const float distance = (seen.x - line.x) * line.normal_x + (seen.y - line.y) * line.normal_y;
+    const float along = seen.cosine * line.normal_x + seen.sine * line.normal_y;
+    return std::abs(distance) < kSupportDistance && std::abs(along) > kSupportCosine;
+  }
+
+  int width_, height_;
+  float stride_;
+  std::vector<Seen> cells_;
 };
 
-// By confidence times the heat of both junctions, best first, ties by key.
-std::vector<Ballot> CountVotes(std::vector<Vote> votes, std::span<const Keypoint> junctions) {
+// What speaks for one pair of junctions.
+struct Candidate {
+  int first = 0, second = 0;  // first < second
+  int votes = 0;
+  float nearest = 0;     // the least distance of a vote
+  float confidence = 0;  // of the votes, summed
+  float support = 0;
+  float rank = 0;
+};
+
+// Pairs with votes, in the order of their keys.
+std::vector<Candidate> CountVotes(std::vector<Vote> votes, int junctions) {
   // Stable, so that sums are taken in the order of the cells.
   std::stable_sort(votes.begin(), votes.end(),
                    [](const Vote& a, const Vote& b) { return a.key < b.key; });
-  std::vector<Ballot> ballots;
+  std::vector<Candidate> counted;
+  std::uint32_t key = 0;
   for (const Vote& vote : votes) {
-    if (ballots.empty() || ballots.back().key != vote.key) {
-      ballots.push_back({vote.key, 0, vote.distance, 0});
+    if (counted.empty() || vote.key != key) {
+      key = vote.key;
+      const auto first = static_cast<int>(key / static_cast<std::uint32_t>(junctions));
+      const auto second = static_cast<int>(key % static_cast<std::uint32_t>(junctions));
+      counted.push_back({.first = first, .second = second, .nearest = vote.distance});
     }
-    Ballot& ballot = ballots.back();
-    ++ballot.votes;
-    ballot.nearest = std::min(ballot.nearest, vote.distance);
-    ballot.confidence += vote.confidence;
+    ++counted.back().votes;
+    counted.back().nearest = std::min(counted.back().nearest, vote.distance);
+    counted.back().confidence += vote.confidence;
   }
-  const auto worth = [&](const Ballot& ballot) {
-    return ballot.confidence * (junctions[ballot.key / junctions.size()].score *
-                                junctions[ballot.key % junctions.size()].score);
-  };
-  std::stable_sort(ballots.begin(), ballots.end(),
-                   [&](const Ballot& a, const Ballot& b) { return worth(a) > worth(b); });
-  return ballots;
+  return counted;
 }
 
-std::array<float, kLineExtras> Extras(const Ballot& ballot, const Keypoint& start,
+// All pairs with votes or with support, best first, ties by junction indices.
+std::vector<Candidate> CollectCandidates(const LineMaps& maps, std::span<const Keypoint> junctions,
+                                         const LineDecoderOptions& options) {
+  const auto count = static_cast<int>(junctions.size());
+  const std::vector<Candidate> voted = CountVotes(CollectVotes(maps, junctions, options), count);
+  const SeenLines seen(maps, options);
+  std::vector<Candidate> candidates;
+  auto next = voted.begin();
+  for (int i = 0; i < count; ++i) {
+    const Keypoint& p = junctions[static_cast<std::size_t>(i)];
+    for (int j = i + 1; j < count; ++j) {
+      const Keypoint& q = junctions[static_cast<std::size_t>(j)];
+      const bool has_votes = next != voted.end() && next->first == i && next->second == j;
+      Candidate candidate{.first = i, .second = j, .nearest = 2 * options.snap};
+      if (has_votes) candidate = *next++;
+      candidate.support = seen.Support(p, q, has_votes ? 0 : options.min_support);
+      if (!has_votes && !(candidate.support >= options.min_support)) continue;
+      const float cells = std::hypot(q.x - p.x, q.y - p.y) / static_cast<float>(options.stride) + 1;
+      candidate.rank = p.score * q.score *
+                       (candidate.support + std::min(candidate.confidence / cells, 2.0F) / 2);
+      candidates.push_back(candidate);
+    }
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.rank > b.rank; });
+  return candidates;
+}
+
+std::array<float, kLineExtras> Extras(const Candidate& candidate, const Keypoint& start,
                                       const Keypoint& end, const LineDecoderOptions& options) {
-  const auto votes = static_cast<float>(ballot.votes);
+  const auto votes = static_cast<float>(candidate.votes);
   const float length = std::hypot(end.x - start.x, end.y - start.y);
   const float dense = votes / (length / static_cast<float>(options.stride) + 1);
   return {std::log1p(votes) / 4,
           std::min(dense, 8.0F) / 4,
-          ballot.nearest / options.snap,
-          ballot.confidence / votes,
+          candidate.nearest / options.snap,
+          candidate.confidence / std::max(votes, 1.0F),
           start.score,
           end.score,
           length / 256,
-          std::log(length + 1) / 4};
+          std::log(length + 1) / 4,
+          candidate.support};
 }
 
 bool IsPeak(const LineMaps& maps, int row, int column) {
@@ -217,7 +317,10 @@ void LineDecoderOptions::Validate() const {
         "a number between 0 and 1");
   check(max_junctions >= 2 && max_junctions <= 65535, "max_junctions", max_junctions, "2 to 65535");
   check(snap > 0 && std::isfinite(snap), "snap", snap, "a positive number");
+  check(min_support > 0 && min_support <= 1, "min_support", min_support, "more than 0, at most 1");
   check(max_proposals >= 1, "max_proposals", max_proposals, "at least 1");
+  check(double_radius >= 0 && std::isfinite(double_radius), "double_radius", double_radius,
+        "a number of at least 0");
   check(mask_border >= 0, "mask_border", mask_border, "at least 0");
   check(max_masked >= 0 && max_masked <= 1, "max_masked", max_masked, "0 to 1");
 }
@@ -265,15 +368,20 @@ std::vector<Keypoint> FindJunctions(const LineMaps& maps, cv::Size image_size, c
   return junctions;
 }
 
+float LineSupport(const LineMaps& maps, const Keypoint& start, const Keypoint& end,
+                  const LineDecoderOptions& options) {
+  return SeenLines(maps, options).Support(start, end, 0);
+}
+
 std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Keypoint> junctions,
                                        const cv::Mat& mask, const LineDecoderOptions& options) {
   const cv::Mat forbidden = Forbidden(mask, options.mask_border);
   std::vector<LineProposal> proposals;
-  for (const Ballot& ballot : CountVotes(CollectVotes(maps, junctions, options), junctions)) {
+  for (const Candidate& candidate : CollectCandidates(maps, junctions, options)) {
     if (proposals.size() == static_cast<std::size_t>(options.max_proposals)) break;
     LineProposal proposal;
-    proposal.start = static_cast<int>(ballot.key / junctions.size());
-    proposal.end = static_cast<int>(ballot.key % junctions.size());
+    proposal.start = candidate.first;
+    proposal.end = candidate.second;
     const Keypoint* start = &junctions[static_cast<std::size_t>(proposal.start)];
     const Keypoint* end = &junctions[static_cast<std::size_t>(proposal.end)];
     if (ForbiddenShare(forbidden, *start, *end) > options.max_masked) continue;
@@ -281,10 +389,38 @@ std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Key
       std::swap(start, end);
       std::swap(proposal.start, proposal.end);
     }
-    proposal.extras = Extras(ballot, *start, *end, options);
+    proposal.extras = Extras(candidate, *start, *end, options);
     proposals.push_back(proposal);
   }
   return proposals;
+}
+
+std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
+                                   std::span<const LineProposal> proposals,
+                                   std::span<const float> scores, float radius) {
+  std::vector<std::size_t> order(proposals.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
+  const auto squared = [&](int i, int j) {
+    const Keypoint& p = junctions[static_cast<std::size_t>(i)];
+    const Keypoint& q = junctions[static_cast<std::size_t>(j)];
+    return (p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y);
+  };
+  std::vector<float> result(proposals.size(), -1.0F);
+  std::vector<std::size_t> kept;
+  for (const std::size_t i : order) {
+    const LineProposal& a = proposals[i];
+    const bool is_double = std::any_of(kept.begin(), kept.end(), [&](std::size_t k) {
+      const LineProposal& b = proposals[k];
+      return std::min(squared(a.start, b.start) + squared(a.end, b.end),
+                      squared(a.start, b.end) + squared(a.end, b.start)) < radius * radius;
+    });
+    if (is_double) continue;
+    kept.push_back(i);
+    result[i] = scores[i];
+  }
+  return result;
 }
 
 void KeepLines(std::span<const Keypoint> junctions, std::span<const LineProposal> proposals,

@@ -164,12 +164,39 @@ TEST(ProposeLines, SnapsAndCountsVotes) {
   EXPECT_EQ(lines[0].extras[5], junctions[1].score);
   EXPECT_NEAR(lines[0].extras[6], length / 256, 1e-5);
   EXPECT_NEAR(lines[0].extras[7], std::log(length + 1) / 4, 1e-5);
-  EXPECT_EQ(lines[1].start, 0);  // the left one first
+  EXPECT_LT(lines[0].extras[8], 0.5);  // four cells do not support it
+  EXPECT_EQ(lines[1].start, 0);        // the left one first
   EXPECT_EQ(lines[1].end, 2);
   EXPECT_NEAR(lines[1].extras[2], 0, 1e-3);
   LineDecoderOptions one;
   one.max_proposals = 1;
   EXPECT_EQ(ProposeLines(maps.view(), junctions, {}, one).size(), 1U);
+}
+
+TEST(ProposeLines, SupportIsEnough) {
+  Maps maps(60, 30);
+  const cv::Point2d p(20, 60), q(220, 64);
+  maps.SetJunction(p.x, p.y, 2);
+  maps.SetJunction(q.x, q.y, 2);
+  // Cells along it know the line, but the ends they name are 30 pixels around them.
+  const cv::Point2d along = (q - p) / cv::norm(q - p);
+  for (int column = 4; column < 56; ++column) {
+    const cv::Point2d foot = p + along * (4 * column - 20);
+    for (const int row : {13, 14, 16, 17}) {
+      maps.SetLine(row, column, foot - along * 30, foot + along * 30, 1);
+    }
+  }
+  const std::vector<Keypoint> junctions = JunctionsOf(maps);
+  ASSERT_EQ(junctions.size(), 2U);
+  EXPECT_EQ(LineSupport(maps.view(), junctions[0], junctions[1], {}), 1);
+  const std::vector<LineProposal> lines = ProposeLines(maps.view(), junctions, {}, {});
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].extras[0], 0);  // no vote
+  EXPECT_EQ(lines[0].extras[2], 2);
+  EXPECT_EQ(lines[0].extras[8], 1);
+  // Across the line there is none.
+  EXPECT_EQ(LineSupport(maps.view(), {100, 30, 1}, {104, 90, 1}, {}), 0);
+  EXPECT_EQ(LineSupport(maps.view(), {100, 30, 1}, {100, 30, 1}, {}), 0);
 }
 
 TEST(ProposeLines, EndsFarFromJunctionsProposeNothing) {
@@ -194,6 +221,20 @@ TEST(ProposeLines, MaskedPixelsAreNotCrossed) {
       ProposeLines(maps.view(), JunctionsOf(maps, mask), mask, {});
   ASSERT_EQ(lines.size(), 1U);
   EXPECT_EQ(lines[0].end, 2);
+}
+
+TEST(SuppressDoubles, LeavesTheSurest) {
+  const std::vector<Keypoint> junctions = {{10, 10, 1}, {90, 10, 1}, {14, 12, 1}, {86, 16, 1}};
+  // 0-1, nearly the same turned round, one that shares an end, and the first once more.
+  const std::vector<LineProposal> proposals = {{0, 1}, {3, 2}, {0, 3}, {0, 1}};
+  const std::vector<float> scores = {0.8F, 0.9F, 0.5F, 0.8F};
+  // Squared distances: 1 to 0: 20 + 52, 2 to 1: 20 + 0.
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.4F),
+            (std::vector<float>{0.8F, 0.9F, -1, -1}));
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.5F),
+            (std::vector<float>{-1, 0.9F, -1, -1}));
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 0), scores);
+  EXPECT_TRUE(SuppressDoubles(junctions, {}, {}, 10).empty());
 }
 
 TEST(KeepLines, SortsAndKeepsTheirJunctions) {
@@ -285,6 +326,7 @@ TEST(LineDecoderOptions, NamesTheWrongField) {
   EXPECT_THAT(error_of([](O& o) { o.stride = 0; }), testing::HasSubstr("stride is 0"));
   EXPECT_THAT(error_of([](O& o) { o.snap = NAN; }), testing::HasSubstr("snap"));
   EXPECT_THAT(error_of([](O& o) { o.min_confidence = 1; }), testing::HasSubstr("min_confidence"));
+  EXPECT_THAT(error_of([](O& o) { o.min_support = 0; }), testing::HasSubstr("min_support"));
   EXPECT_THAT(error_of([](O& o) { o.max_masked = -1; }), testing::HasSubstr("max_masked"));
 }
 

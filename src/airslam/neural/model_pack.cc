@@ -125,6 +125,8 @@ LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int mu
   spec.decoder.min_junction = section.Number("min_junction", 1e-6, 0.999);
   spec.decoder.max_junctions = section.Integer("max_junctions", 2, 65535);
   spec.decoder.snap = section.Number("snap", 0.1, 1e4);
+  spec.decoder.min_support = section.Number("min_support", 1e-6, 1);
+  spec.decoder.double_radius = section.Number("double_radius", 0, 1e4);
   spec.decoder.max_proposals = section.Integer("max_proposals", 1, 65536);
   return spec;
 }

@@ -89,6 +89,8 @@ TEST_F(ModelPackTest, ReadsEveryField) {
   EXPECT_EQ(lines.decoder.min_junction, 0.5F);
   EXPECT_EQ(lines.decoder.max_junctions, 8);
   EXPECT_EQ(lines.decoder.snap, 12);
+  EXPECT_EQ(lines.decoder.min_support, 1);
+  EXPECT_EQ(lines.decoder.double_radius, 3);
   EXPECT_EQ(lines.decoder.max_proposals, 16);
   ASSERT_TRUE(pack.matcher.has_value());
   EXPECT_EQ(pack.matcher->keypoints, 8);

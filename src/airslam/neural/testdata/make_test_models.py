@@ -57,7 +57,7 @@ def plnet(path):
           constant("blob", blob), constant("blob_bias", [-6])])
 
 
-LINE_CHANNELS, LINE_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 8, 16
+LINE_CHANNELS, LINE_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 9, 16
 
 
 def plnet_lines(path):
@@ -172,7 +172,7 @@ def manifest(folder):
                 "lines": {**entry("plnet_lines.onnx"), "field": "line_field", "junctions": "junction_maps",
                           "pooled": "line_features", "channels": LINE_CHANNELS, "samples": LINE_SAMPLES, "stride": 4,
                           "reach": 16.0, "min_confidence": 0.5, "min_junction": 0.5, "max_junctions": 8, "snap": 12.0,
-                          "max_proposals": PROPOSALS,
+                          "min_support": 1.0, "double_radius": 3.0, "max_proposals": PROPOSALS,
                           "classifier": {**entry("line_classifier.onnx"), "input": "features", "output": "logits"}}}
     matcher = {"keypoints": N, "threshold": 0.1, "exit_confidence": 0.9,
                "stages": [entry("matcher_stage0.onnx"), entry("matcher_stage1.onnx")]}
