@@ -12,9 +12,13 @@ $python -m airslam_training.cache photos --count 13600         # crops and the t
 $python -m airslam_training.cache procedural --count 2400
 $python -m airslam_training.train_plnet                        # config/plnet.yaml
 $python -m airslam_training.export                             # models/airslam-fast/plnet.onnx, manifest.json
+$python -m airslam_training.mlsd                               # the line teacher's answers to views of each photo
+$python -m airslam_training.line_labels                        # merged, fitted to gradients; exact edges of scenes
+$python -m airslam_training.train_lines                        # config/lines.yaml
 $python -m airslam_training.features                           # our features of altered views
 $python -m airslam_training.train_matcher                      # config/matcher.yaml
-$python -m airslam_training.export                             # the matcher stages, too
+$python -m airslam_training.export                             # line module and matcher stages, too
+$python -m airslam_training.evaluate_lines                     # results/lines.md
 $python -m airslam_training.evaluate                           # results/*.md, quality.json
 $python -m airslam_training.export --quality results/quality.json
 $python -m airslam_training.bench                              # times on one core

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures to look at: curves of both trainings, matches under changed light, a procedural scene with its edges.
+"""Pictures to look at: curves of the trainings, matches under changed light, a procedural scene with its edges, lines.
 
-    python -m airslam_training.draw [curves] [matches] [scene]
+    python -m airslam_training.draw [curves] [matches] [scene] [lines]
 
-Curves and the scene (patterns only) go to training/results. Matches show training photos, whose licences are mixed:
-those pictures stay in the cache and are not to be committed.
+Curves and the scene (patterns only) go to training/results, lines in rooms without photos to docs/images. Matches and
+lines on photos stay in the cache: the photos' licences are mixed, they are not to be committed.
 """
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ import shutil
 import cv2
 import matplotlib
 import numpy as np
+import torch
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from . import procedural
-from .cache import CACHE
+from . import augment, procedural
+from .cache import CACHE, photo_split
 from .evaluate import RESULTS, THRESHOLD, light_pairs
+from .evaluate_lines import ours
 from .geometry import warp_points
 from .methods import methods
 
@@ -44,7 +46,7 @@ def read(path) -> dict[str, np.ndarray]:
 
 def curves() -> None:
     """Losses and validation of both runs; the csv logs are copied beside the pictures."""
-    for name in ("plnet", "matcher"):
+    for name in ("plnet", "lines", "matcher"):
         folder = CACHE / "runs" / name
         if not (folder / "validation.csv").exists():
             continue
@@ -53,7 +55,7 @@ def curves() -> None:
         log, validation = read(folder / "log.csv"), read(folder / "validation.csv")
         figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4))
         for k in log:
-            if k not in ("step", "crops", "pairs", "rate", "crops_per_s", "pairs_per_s"):
+            if k not in ("step", "crops", "pairs", "images", "rate", "crops_per_s", "pairs_per_s", "images_per_s"):
                 left.plot(log["step"], log[k], label=k, lw=0.9)
         left.set(yscale="log", xlabel="step", title=f"{name}: training losses")
         sets = np.unique(validation["set"]) if "set" in validation else [None]
@@ -115,11 +117,48 @@ def scene(seed: int = 100003) -> None:
     cv2.imwrite(str(RESULTS / "procedural_scene.png"), np.hstack(lit + [depth, edges]))
 
 
+def draw_lines(image: np.ndarray, found: np.ndarray, size: tuple[int, int], least: float = 0.3) -> np.ndarray:
+    """A grey image, brightened and scaled to `size`, with lines n x 5 over `least`: red doubtful, green sure."""
+    canvas = cv2.cvtColor(cv2.resize(cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX), size), cv2.COLOR_GRAY2BGR)
+    scale = np.tile(np.array(size) / image.shape[::-1], 2)
+    for line in found[found[:, 4] >= least][::-1]:
+        p = np.rint(((line[:4] + 0.5) * scale - 0.5) * 8).astype(int)
+        sure = min((line[4] - least) / (0.8 - least), 1)
+        cv2.line(canvas, p[:2].tolist(), p[2:].tolist(), (0, 60 + 195 * sure, 255 * (1 - sure)), 1, cv2.LINE_AA, 3)
+        for end in (p[:2], p[2:]):
+            cv2.circle(canvas, end.tolist(), 14, (0, 230, 255), -1, cv2.LINE_AA, 3)
+    return canvas
+
+
+def lines(photos: int = 15) -> None:
+    """Lines of three rooms without photos, in three lightings each; and of held-out photos, light and dark."""
+    detector = ours(CACHE / "runs/lines/checkpoint.pt")
+
+    def tile(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        large = cv2.resize(image, None, fx=480 / min(image.shape), fy=480 / min(image.shape))
+        return draw_lines(large, detector(large), size)
+
+    rows = []
+    for seed in (100001, 100003, 100007):
+        _, views = procedural.make_views(seed, [], 1)
+        rows.append(np.hstack([tile(i, (384, 288)) for i in views[0].images]))
+    cv2.imwrite(str(RESULTS.parents[1] / "docs/images/lines_rooms.jpg"), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    g = torch.Generator().manual_seed(5)
+    rows = []
+    for file in photo_split()[1][:photos]:
+        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+        dark = augment.noise(augment.darken(torch.from_numpy(image)[None, None].float(), g), g).round().clamp(0, 255)
+        rows.append(np.hstack([tile(i, (560, 400)) for i in (image, dark[0, 0].numpy().astype(np.uint8))]))
+    PICTURES.mkdir(exist_ok=True)
+    for k in range(0, len(rows), 5):
+        cv2.imwrite(str(PICTURES / f"lines_{k // 5}.jpg"), np.vstack(rows[k:k + 5]))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", default=["curves", "matches", "scene"])
+    parser.add_argument("parts", nargs="*", default=["curves", "matches", "scene", "lines"])
     for part in parser.parse_args().parts:
-        {"curves": curves, "matches": matches, "scene": scene}[part]()
+        {"curves": curves, "matches": matches, "scene": scene, "lines": lines}[part]()
 
 
 if __name__ == "__main__":

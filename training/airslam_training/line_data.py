@@ -16,8 +16,8 @@ from .lines import REACH, STRIDE
 from .mlsd import FOLDER
 from .teacher import SHARED
 
-# Pictures are shown as large as cameras see them: the photos' short side is 288, that of a frame 480.
-VIEWS = HomographyRange(scale_min=0.85, scale_max=2.1, rotation_deg=12.0, perspective=0.2, shift=0.1)
+# Scales reach from whole pictures in little detail to parts as large as a camera of 480 rows sees them.
+VIEWS = HomographyRange(scale_min=0.6, scale_max=1.9, rotation_deg=12.0, perspective=0.2, shift=0.1)
 
 
 def clip_segments(segments: np.ndarray, size: int, shortest: float = 8.0) -> np.ndarray:
@@ -140,6 +140,9 @@ class Views:
         # Beyond the picture there is mirrored content whose segments are unknown: it becomes plain grey.
         view = warp_image(image, h, (size, size))
         known = cv2.warpPerspective(np.full(image.shape, 255, np.uint8), h, (size, size))
+        if rng.random() < 0.5:  # an enlarged photo is soft, a camera's frame is not
+            soft = cv2.GaussianBlur(view, (0, 0), 1.2)
+            view = cv2.addWeighted(view, 1 + (amount := rng.uniform(0.3, 1.5)), soft, -amount, 0)
         view = np.where(known > 0, view, np.uint8(rng.integers(256)))
         return view, segments, *encode(segments, size // STRIDE, size // STRIDE)
 

@@ -56,7 +56,8 @@ class LineNeck(nn.Module):
     def __init__(self, b: PLNetConfig, c: LineConfig):
         super().__init__()
         self.down32 = ConvBnRelu(b.w16, c.w32, stride=2)
-        self.stage32 = nn.Sequential(*[Residual(c.w32) for _ in range(c.n32 // 2)])
+        # The later pairs look far: a cell in the middle of a segment must know both ends of it.
+        self.stage32 = nn.Sequential(*[Residual(c.w32, 1 if i == 0 else 3) for i in range(c.n32 // 2)])
         self.from32 = nn.Conv2d(c.w32, c.w16, 1)
         self.lateral16 = nn.Conv2d(b.w16, c.w16, 1)
         self.stage16 = ConvBnRelu(c.w16, c.w16)
@@ -82,7 +83,7 @@ class LineNeck(nn.Module):
 
 # ---------------------------------------------------------------- decoding
 
-EXTRA = 8  # numbers beside the pooled features that the classifier reads
+EXTRA = 9  # numbers beside the pooled features that the classifier reads
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,14 @@ class DecoderOptions:
     junction: float = 0.02  # heat below it is no junction
     junctions: int = 256
     snap: float = 24.0  # pixels: the farthest junction that an end snaps to
-    proposals: int = 768
+    support: float = 0.75  # two junctions are a proposal, too, when so much of the way between them agrees
+    proposals: int = 1280
+    double: float = 12.0  # pixels: a line whose ends lie so near to those of a surer one is left out
+
+
+SUPPORT_SAMPLES = 16
+SUPPORT_OFFSET = 5.0  # pixels beside the segment, where its direction is clear
+SUPPORT_DISTANCE, SUPPORT_COSINE, SUPPORT_CONFIDENCE = 4.0, 0.85, 0.2
 
 
 def decode_field(field: Tensor, cells: Tensor) -> Tensor:
@@ -120,41 +128,81 @@ def find_junctions(maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Tensor]:
     return torch.stack([(column + offset[0]) * STRIDE + 1.5, (row + offset[1]) * STRIDE + 1.5], 1), score
 
 
+def support(field: Tensor, points: Tensor, first: Tensor, second: Tensor) -> Tensor:
+    """How much of the way from points[first] to points[second] agrees with the field 6 x h x w, 0..1.
+
+    At each sample the cells to the left and right are asked for the line that they see (not for its ends, which a cell
+    in the middle of a long segment hardly knows): one of them must see this one."""
+    h, w = field.shape[1:]
+    p, q = points[first], points[second]
+    u = F.normalize(q - p, dim=1)
+    normal = torch.stack([-u[:, 1], u[:, 0]], 1)
+    t = (torch.arange(SUPPORT_SAMPLES, device=field.device) + 0.5) / SUPPORT_SAMPLES
+    middle = p[:, None] + (q - p)[:, None] * t[:, None]
+    norm = (field[2] ** 2 + field[3] ** 2).clamp_min(1e-12).sqrt()
+    cos, sin, d = field[2] / norm, field[3] / norm, REACH * torch.sigmoid(field[1])
+    foot_x = torch.arange(w, device=field.device) * STRIDE + 1.5 + d * cos
+    foot_y = torch.arange(h, device=field.device)[:, None] * STRIDE + 1.5 + d * sin
+    sure = torch.sigmoid(field[0]) > SUPPORT_CONFIDENCE
+    agree = torch.zeros(middle.shape[:2], dtype=torch.bool, device=field.device)
+    for side in (-SUPPORT_OFFSET, SUPPORT_OFFSET):
+        cell = ((middle + side * normal[:, None] - 1.5) / STRIDE).round().long()
+        x, y = cell[..., 0].clamp(0, w - 1), cell[..., 1].clamp(0, h - 1)
+        distance = (foot_x[y, x] - p[:, :1]) * normal[:, :1] + (foot_y[y, x] - p[:, 1:]) * normal[:, 1:]
+        along = cos[y, x] * normal[:, :1] + sin[y, x] * normal[:, 1:]
+        agree |= (distance.abs() < SUPPORT_DISTANCE) & (along.abs() > SUPPORT_COSINE) & sure[y, x]
+    return agree.float().mean(1)
+
+
+def count_votes(field: Tensor, points: Tensor, o: DecoderOptions) -> tuple[Tensor, Tensor, Tensor]:
+    """Cells' segments with their ends snapped to points, counted for each pair (i < j, at index i * n + j): votes,
+    summed confidence, least summed distance of both ends (2 * snap where there is no vote)."""
+    n = len(points)
+    confidence = torch.sigmoid(field[0])
+    cells = torch.nonzero(confidence > o.confidence)
+    votes, total = field.new_zeros(n * n), field.new_zeros(n * n)
+    closest = field.new_full((n * n,), 2 * o.snap)
+    if len(cells):
+        distance, nearest = torch.cdist(decode_field(field, cells).reshape(-1, 2), points).min(1)
+        distance, nearest = distance.view(-1, 2), nearest.view(-1, 2).sort(1).values
+        good = (distance.amax(1) < o.snap) & (nearest[:, 0] != nearest[:, 1])
+        key = nearest[good, 0] * n + nearest[good, 1]
+        sure = confidence[cells[good, 0], cells[good, 1]]
+        votes.index_add_(0, key, torch.ones_like(sure))
+        total.index_add_(0, key, sure)
+        closest = closest.scatter_reduce(0, key, distance[good].sum(1), "amin")
+    return votes, total, closest
+
+
 def propose(field: Tensor, maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Segments whose ends are junctions: field 6 x h x w and junction map 3 x h x w of one image.
 
+    Two junctions are a proposal when a cell's segment snaps to them, or when most of the way between them is supported.
     Returns ends N x 4 (pixels), what else the classifier reads N x EXTRA, indices of both junctions N x 2, junctions
-    J x 3 (x, y, score). Cells that name the same two junctions are one proposal; they come by the summed confidence of
-    their cells times the heat of both junctions.
+    J x 3 (x, y, score); ordered by the heat of both junctions * (support + summed confidence per cell of length, at most 2, / 2).
     """
     points, heat = find_junctions(maps, o)
-    confidence = torch.sigmoid(field[0])
-    cells = torch.nonzero(confidence > o.confidence)
+    n = len(points)
     junctions = torch.cat([points, heat[:, None]], 1)
-    if len(cells) == 0 or len(points) < 2:
-        return field.new_zeros(0, 4), field.new_zeros(0, EXTRA), cells.new_zeros(0, 2), junctions
-    raw = decode_field(field, cells)
-    distance, nearest = torch.cdist(raw.reshape(-1, 2), points).min(1)
-    distance, nearest = distance.view(-1, 2), nearest.view(-1, 2)
-    good = (distance.amax(1) < o.snap) & (nearest[:, 0] != nearest[:, 1])
-    sure = confidence[cells[:, 0], cells[:, 1]][good]
-    distance, nearest = distance[good].sum(1), nearest[good].sort(1).values
-    key, group, votes = torch.unique(nearest[:, 0] * len(points) + nearest[:, 1], return_inverse=True, return_counts=True)
-    closest = torch.full((len(key),), 2 * o.snap, device=field.device).scatter_reduce(0, group, distance, "amin")
-    total = torch.zeros(len(key), device=field.device).index_add(0, group, sure)
-    mean, pair = total / votes, torch.stack([key // len(points), key % len(points)], 1)
-    order = torch.sort(total * heat[pair].prod(1), descending=True, stable=True).indices[:o.proposals]
-    pair = pair[order]
+    pair = torch.triu_indices(n, n, 1, device=field.device).T
+    if len(pair) == 0:
+        return field.new_zeros(0, 4), field.new_zeros(0, EXTRA), pair, junctions
+    key = pair[:, 0] * n + pair[:, 1]
+    votes, total, closest = [v[key] for v in count_votes(field, points, o)]
+    held = support(field, points, pair[:, 0], pair[:, 1])
+    chosen = torch.nonzero((votes > 0) | (held >= o.support))[:, 0]
+    pair, votes, total, closest, held = [v[chosen] for v in (pair, votes, total, closest, held)]
+    length = (points[pair[:, 0]] - points[pair[:, 1]]).norm(dim=1)
+    rank = heat[pair].prod(1) * (held + (total / (length / STRIDE + 1)).clamp_max(2) / 2)
+    order = torch.sort(rank, descending=True, stable=True).indices[:o.proposals]
+    pair, votes, total, closest, held, length = [v[order] for v in (pair, votes, total, closest, held, length)]
     # From left to right, so that the classifier sees a segment in one direction only.
     swap = points[pair[:, 0], 0] > points[pair[:, 1], 0]
     pair = torch.where(swap[:, None], pair.flip(1), pair)
-    ends = points[pair].reshape(-1, 4)
-    length = (ends[:, :2] - ends[:, 2:]).norm(dim=1)
-    votes = votes[order].float()
-    extra = torch.stack([torch.log1p(votes) / 4, (votes / (length / STRIDE + 1)).clamp_max(8) / 4,
-                         closest[order] / o.snap, mean[order], heat[pair[:, 0]], heat[pair[:, 1]],
-                         length / 256, torch.log(length + 1) / 4], 1)
-    return ends, extra, pair, junctions
+    extra = torch.stack([torch.log1p(votes) / 4, (votes / (length / STRIDE + 1)).clamp_max(8) / 4, closest / o.snap,
+                         total / votes.clamp_min(1), heat[pair[:, 0]], heat[pair[:, 1]],
+                         length / 256, torch.log(length + 1) / 4, held], 1)
+    return points[pair].reshape(-1, 4), extra, pair, junctions
 
 
 class LineClassifier(nn.Module):
@@ -180,6 +228,17 @@ class LineClassifier(nn.Module):
         return self.layers(features)[:, 0]
 
 
+def without_doubles(lines: Tensor, radius: float) -> Tensor:
+    """Lines N x 5, best first, without those whose ends lie near those of a better one (root of the summed squares)."""
+    p = lines[:, :4]
+    near = torch.minimum(torch.cdist(p, p), torch.cdist(p, p[:, [2, 3, 0, 1]])) < radius
+    keep: list[int] = []
+    for i in range(len(lines)):
+        if not near[i, keep].any():
+            keep.append(i)
+    return lines[keep]
+
+
 class LineModule(nn.Module):
     """All that is trained in the second round."""
 
@@ -200,4 +259,4 @@ class LineModule(nn.Module):
         ends, extra, _, junctions = propose(field, maps, o)
         score = torch.sigmoid(self.classify(pooled, ends, extra)) if len(ends) else ends.new_zeros(0)
         order = torch.sort(score, descending=True, stable=True).indices
-        return torch.cat([ends, score[:, None]], 1)[order], junctions
+        return without_doubles(torch.cat([ends, score[:, None]], 1)[order], o.double), junctions

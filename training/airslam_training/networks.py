@@ -37,8 +37,9 @@ class PLNetConfig:
 class ConvBnRelu(nn.Sequential):
     """k x k convolution, batch norm and (optionally) ReLU; shapes B x Cin x H x W -> B x Cout x H/s x W/s."""
 
-    def __init__(self, cin: int, cout: int, k: int = 3, stride: int = 1, relu: bool = True):
-        layers: list[nn.Module] = [nn.Conv2d(cin, cout, k, stride, k // 2, bias=False), nn.BatchNorm2d(cout)]
+    def __init__(self, cin: int, cout: int, k: int = 3, stride: int = 1, relu: bool = True, dilation: int = 1):
+        layers: list[nn.Module] = [nn.Conv2d(cin, cout, k, stride, k // 2 * dilation, dilation, bias=False),
+                                   nn.BatchNorm2d(cout)]
         if relu:
             layers.append(nn.ReLU(inplace=True))
         super().__init__(*layers)
@@ -47,10 +48,10 @@ class ConvBnRelu(nn.Sequential):
 class Residual(nn.Module):
     """Two 3x3 convolutions with a skip, the pair that makes depth trainable. B x C x H x W -> the same."""
 
-    def __init__(self, c: int):
+    def __init__(self, c: int, dilation: int = 1):
         super().__init__()
-        self.a = ConvBnRelu(c, c)
-        self.b = ConvBnRelu(c, c, relu=False)
+        self.a = ConvBnRelu(c, c, dilation=dilation)
+        self.b = ConvBnRelu(c, c, relu=False, dilation=dilation)
 
     def forward(self, x: Tensor) -> Tensor:
         return F.relu(x + self.b(self.a(x)))

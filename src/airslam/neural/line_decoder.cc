@@ -21,6 +21,10 @@ float Sigmoid(float x) { return 1 / (1 + std::exp(-x)); }
 
 float Logit(float probability) { return std::log(probability / (1 - probability)); }
 
+float Distance(const Keypoint& p, const Keypoint& q) {
+  return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y));
+}
+
 // Pixel of the centre of a cell.
 float Centre(int cell, int stride) {
   return static_cast<float>(cell * stride) + static_cast<float>(stride - 1) / 2;
@@ -157,7 +161,10 @@ constexpr float kSupportConfidence = 0.2F;
 class SeenLines {
  public:
   SeenLines(const LineMaps& maps, const LineDecoderOptions& options)
-      : width_(maps.width), height_(maps.height), stride_(static_cast<float>(options.stride)) {
+      : width_(maps.width),
+        height_(maps.height),
+        offset_(Centre(0, options.stride)),
+        per_stride_(1 / static_cast<float>(options.stride)) {
     const std::ptrdiff_t plane = Plane(maps);
     const float threshold = Logit(kSupportConfidence);
     cells_.resize(static_cast<std::size_t>(plane));
@@ -177,7 +184,7 @@ class SeenLines {
 
   // Share of the samples between two junctions that agree; stops where fewer than `least` can.
   float Support(const Keypoint& p, const Keypoint& q, float least) const {
-    const float length = std::hypot(q.x - p.x, q.y - p.y);
+    const float length = Distance(p, q);
     if (!(length > 0)) return 0;
     const Line line{p.x, p.y, (p.y - q.y) / length, (q.x - p.x) / length};
     int agree = 0;
@@ -200,9 +207,9 @@ class SeenLines {
   };
 
   bool Agrees(const Line& line, float x, float y, float side) const {
-    const auto cell = [&](float pixel, int size) {
-      const float c = (pixel - (stride_ - 1) / 2) / stride_;
-      return std::clamp(static_cast<int>(std::nearbyint(c)), 0, size - 1);
+    const auto cell = [this](float pixel, int size) {
+      const float c = (pixel - offset_) * per_stride_ + 0.5F;  // rounded down: the nearest cell
+      return std::min(static_cast<int>(std::max(c, 0.0F)), size - 1);
     };
     const int column = cell(x + side * line.normal_x, width_);
     const int row = cell(y + side * line.normal_y, height_);
@@ -214,7 +221,7 @@ class SeenLines {
   }
 
   int width_, height_;
-  float stride_;
+  float offset_, per_stride_;  // of cells: their first centre, and cells a pixel
   std::vector<Seen> cells_;
 };
 
@@ -266,7 +273,7 @@ std::vector<Candidate> CollectCandidates(const LineMaps& maps, std::span<const K
       if (has_votes) candidate = *next++;
       candidate.support = seen.Support(p, q, has_votes ? 0 : options.min_support);
       if (!has_votes && !(candidate.support >= options.min_support)) continue;
-      const float cells = std::hypot(q.x - p.x, q.y - p.y) / static_cast<float>(options.stride) + 1;
+      const float cells = Distance(p, q) / static_cast<float>(options.stride) + 1;
       candidate.rank = p.score * q.score *
                        (candidate.support + std::min(candidate.confidence / cells, 2.0F) / 2);
       candidates.push_back(candidate);
@@ -331,7 +338,7 @@ std::array<float, 4> DecodeLine(const LineMaps& maps, const LineDecoderOptions& 
   const float* cell = maps.field + static_cast<std::ptrdiff_t>(row) * maps.width + column;
   const float a = cell[plane], b = cell[2 * plane], c = cell[3 * plane];
   const float d = options.reach * Sigmoid(a);
-  const float norm = std::max(std::hypot(b, c), 1e-6F);
+  const float norm = std::max(std::sqrt(b * b + c * c), 1e-6F);
   const float cosine = b / norm, sine = c / norm;
   const float tangent1 = std::tan(kHalfPi * Sigmoid(cell[4 * plane]));
   const float tangent2 = -std::tan(kHalfPi * Sigmoid(cell[5 * plane]));
