@@ -213,6 +213,23 @@ TEST(MapCommand, ASequenceThatIsLostAllTheWayIsStillProcessed) {
   EXPECT_EQ(RunProgram(folder.path(), {"info", "out"}).exit_code, 0);
 }
 
+TEST(MapCommand, SaysWhatBecameOfTheImu) {
+  const TestDataset& data = TestDataset::Get();
+  const nlohmann::json with = Report(data.result())["inertial"];
+  EXPECT_GT(with["readings"], 300);  // 200 Hz over 1.9 s
+  EXPECT_NE(with["state"], "off");
+  const TemporaryFolder folder;
+  const fs::path euroc = CopyOfEuroc(folder);
+  ASSERT_EQ(RunProgram(folder.path(), {"map", "euroc", "--out", "off", "--no-imu"}).exit_code, 0);
+  EXPECT_EQ(Report(folder.path() / "off")["inertial"]["state"], "off");
+  fs::remove(euroc / "mav0" / "imu0" / "data.csv");
+  const ProgramResult run = RunProgram(folder.path(), {"map", "euroc", "--out", "missing"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("data.csv is missing: no IMU is used"));
+  EXPECT_EQ(Report(folder.path() / "missing")["inertial"]["state"], "no readings");
+  ExpectSameResult(folder.path() / "off", folder.path() / "missing");
+}
+
 TEST(MapCommand, ReplacesAnEarlierResultAsAWhole) {
   const TestDataset& data = TestDataset::Get();
   const TemporaryFolder folder;
