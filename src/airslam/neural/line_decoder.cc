@@ -191,7 +191,7 @@ class SeenLines {
     for (int i = 0; i < kSupportSamples; ++i) {
       const float t = (static_cast<float>(i) + 0.5F) / kSupportSamples;
       const float x = p.x + t * (q.x - p.x), y = p.y + t * (q.y - p.y);
-      agree += Agrees(line, x, y, -kSupportOffset) || Agrees(line, x, y, kSupportOffset) ? 1 : 0;
+      agree += Agrees(line, x, y, -kSupportOffset) | Agrees(line, x, y, kSupportOffset);
       if (static_cast<float>(agree + kSupportSamples - 1 - i) < least * kSupportSamples) return 0;
     }
     return static_cast<float>(agree) / kSupportSamples;
@@ -206,7 +206,8 @@ class SeenLines {
     float x, y, normal_x, normal_y;
   };
 
-  bool Agrees(const Line& line, float x, float y, float side) const {
+  // 1 or 0, without a branch: which it will be cannot be foreseen.
+  int Agrees(const Line& line, float x, float y, float side) const {
     const auto cell = [this](float pixel, int size) {
       const float c = (pixel - offset_) * per_stride_ + 0.5F;  // rounded down: the nearest cell
       return std::min(static_cast<int>(std::max(c, 0.0F)), size - 1);
@@ -217,7 +218,8 @@ class SeenLines {
                               static_cast<std::size_t>(column)];
     const float distance = (seen.x - line.x) * line.normal_x + (seen.y - line.y) * line.normal_y;
     const float along = seen.cosine * line.normal_x + seen.sine * line.normal_y;
-    return std::abs(distance) < kSupportDistance && std::abs(along) > kSupportCosine;
+    return static_cast<int>(std::abs(distance) < kSupportDistance) &
+           static_cast<int>(std::abs(along) > kSupportCosine);
   }
 
   int width_, height_;
