@@ -125,7 +125,7 @@ def lines_entry(pack: Path, c: LineConfig = LineConfig(), o: DecoderOptions = De
     return {**file_entry(pack / "plnet_lines.onnx"), "field": "line_field", "junctions": "junction_maps",
             "pooled": "line_features", "channels": c.pooled, "samples": c.samples, "stride": STRIDE, "reach": REACH,
             "min_confidence": o.confidence, "min_junction": o.junction, "max_junctions": o.junctions, "snap": o.snap,
-            "min_support": o.support, "double_radius": o.double,             "max_proposals": o.proposals,
+            "min_support": o.support, "double_radius": o.double, "max_proposals": o.proposals,
             "classifier": {**file_entry(pack / "line_classifier.onnx"), "input": "features", "output": "logits"}}
 
 
