@@ -22,7 +22,8 @@ struct Map {
   std::string model_pack;         // name of the pack that made the descriptors
   std::string model_pack_sha256;  // of its feature network
   std::map<KeyframeId, Keyframe> keyframes;
-  std::map<LandmarkId, Landmark> landmarks;
+  std::map<LandmarkId, Landmark> landmarks;           // points
+  std::map<LandmarkId, LineLandmark> line_landmarks;  // numbered apart from the points
 };
 
 }  // namespace airslam

@@ -75,7 +75,7 @@ TEST_F(MapDamageTest, AnotherProgramsDatabase) {
 TEST_F(MapDamageTest, NewerVersion) {
   EXPECT_EQ(ErrorAfter("PRAGMA user_version = 7"),
             "map file " + file_.string() +
-                " is of format 7, written by a newer version; this program reads up to 1");
+                " is of format 7, written by a newer version; this program reads up to 2");
   EXPECT_EQ(ErrorAfter("PRAGMA user_version = 0"), damaged_ + "it claims to be of format 0");
 }
 
@@ -98,6 +98,15 @@ TEST_F(MapDamageTest, InconsistentRows) {
   expect("UPDATE features SET descriptors = zeroblob(639)",
          "descriptors of 639 bytes are not those of 10 keypoints");
   expect("UPDATE features SET lines = zeroblob(20)", "keyframe 0 has 0 line ids, not 1");
+  expect(
+      "UPDATE features SET lines = zeroblob(20), right_lines = zeroblob(40);"
+      "UPDATE observations SET line_landmarks = zeroblob(8)",
+      "keyframe 0 has 2 right lines, not 1");
+  expect("DROP TABLE line_landmarks", "no such table: line_landmarks");
+  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 4, 5, 6, 77)",
+         "line landmark 0 is not valid");
+  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 1, 2, 3, 0)",
+         "line landmark 0 is not valid");
   expect("UPDATE features SET junction_descriptors = zeroblob(64)",
          "descriptors of 64 bytes are not those of 0 keypoints");
   expect("UPDATE observations SET landmarks = zeroblob(72)",

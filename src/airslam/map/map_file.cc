@@ -29,9 +29,10 @@ void RequireConsistent(const Keyframe& keyframe) {
          keyframe.id, n, keyframe.descriptors.rows(), keyframe.right_x.size(),
          keyframe.landmarks.size());
   }
-  if (keyframe.line_landmarks.size() != keyframe.lines.size()) {
-    Fail("keyframe {} has {} lines but {} line landmark ids", keyframe.id, keyframe.lines.size(),
-         keyframe.line_landmarks.size());
+  if (keyframe.line_landmarks.size() != keyframe.lines.size() ||
+      keyframe.right_lines.size() != keyframe.lines.size()) {
+    Fail("keyframe {} has {} lines but {} right lines, {} line landmark ids", keyframe.id,
+         keyframe.lines.size(), keyframe.right_lines.size(), keyframe.line_landmarks.size());
   }
   if (static_cast<std::size_t>(keyframe.junction_descriptors.rows()) != keyframe.junctions.size()) {
     Fail("keyframe {} has {} junctions but {} junction descriptors", keyframe.id,
@@ -59,6 +60,20 @@ void BindLandmark(SqliteStatement& statement, const Landmark& landmark) {
   statement.Bind(3, landmark.point_in_world.y());
   statement.Bind(4, landmark.point_in_world.z());
   statement.Bind(5, std::int64_t{landmark.first_seen_by});
+}
+
+// Binds id, x1, y1, z1, x2, y2, z2, first_seen_by.
+void BindLineLandmark(SqliteStatement& statement, const LineLandmark& landmark) {
+  const SpaceSegment& ends = landmark.ends_in_world;
+  if (!ends.start.allFinite() || !ends.end.allFinite() || ends.start == ends.end) {
+    Fail("line landmark {} has ends that are not finite or not different", landmark.id);
+  }
+  int parameter = 1;
+  statement.Bind(parameter++, landmark.id);
+  for (const Eigen::Vector3d& end : {ends.start, ends.end}) {
+    for (const double value : end) statement.Bind(parameter++, value);
+  }
+  statement.Bind(parameter, std::int64_t{landmark.first_seen_by});
 }
 
 Bytes EncodeInertialState(const MapWriter::Update::InertialState& state) {
@@ -96,6 +111,10 @@ struct MapWriter::Impl {
   void WriteCalibration(const MapCalibration& calibration);
   void InsertFeatures(const Keyframe& keyframe);
   void InsertObservations(const Keyframe& keyframe);
+  // The parts of an update, within its transaction.
+  void UpdateKeyframes(const Update& update);
+  void UpdatePoints(const Update& update);
+  void UpdateLines(const Update& update);
   // Runs a statement that must change the one row of `id`.
   void RunOn(SqliteStatement& statement, const char* what, std::int64_t id);
 
@@ -104,7 +123,7 @@ struct MapWriter::Impl {
   struct Statements {
     explicit Statements(SqliteDatabase& db)
         : insert_keyframe(db, "INSERT INTO keyframes VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11)"),
-          insert_features(db, "INSERT INTO features VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9)"),
+          insert_features(db, "INSERT INTO features VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10)"),
           insert_observations(db, "INSERT INTO observations VALUES (?1,?2,?3)"),
           insert_landmark(db, "INSERT INTO landmarks VALUES (?1,?2,?3,?4,?5)"),
           update_pose(db,
@@ -116,10 +135,20 @@ struct MapWriter::Impl {
           update_observations(db,
                               "UPDATE observations SET landmarks=?2 "
                               "WHERE keyframe_id=?1 AND length(landmarks) = length(?2)"),
-          delete_landmark(db, "DELETE FROM landmarks WHERE id=?1") {}
+          delete_landmark(db, "DELETE FROM landmarks WHERE id=?1"),
+          insert_line_landmark(db, "INSERT INTO line_landmarks VALUES (?1,?2,?3,?4,?5,?6,?7,?8)"),
+          update_line_landmark(db,
+                               "UPDATE line_landmarks SET x1=?2, y1=?3, z1=?4, x2=?5, y2=?6, "
+                               "z2=?7, first_seen_by=?8 WHERE id=?1"),
+          update_line_observations(db,
+                                   "UPDATE observations SET line_landmarks=?2 WHERE "
+                                   "keyframe_id=?1 AND length(line_landmarks) = length(?2)"),
+          delete_line_landmark(db, "DELETE FROM line_landmarks WHERE id=?1") {}
     SqliteStatement insert_keyframe, insert_features, insert_observations, insert_landmark;
     SqliteStatement update_pose, update_inertial_state;
     SqliteStatement update_landmark, update_observations, delete_landmark;
+    SqliteStatement insert_line_landmark, update_line_landmark, update_line_observations;
+    SqliteStatement delete_line_landmark;
   };
   std::optional<Statements> sql;  // after `database`: finalized before it is closed
 };
@@ -181,6 +210,7 @@ void MapWriter::Impl::InsertFeatures(const Keyframe& keyframe) {
   const Bytes right_x = EncodeArray<float>(keyframe.right_x);
   const QuantizedDescriptors descriptors = QuantizeDescriptors(keyframe.descriptors);
   const Bytes lines = EncodeLines(keyframe.lines);
+  const Bytes right_lines = EncodeLines(keyframe.right_lines);
   const Bytes junctions = EncodeKeypoints(keyframe.junctions);
   const QuantizedDescriptors junction_descriptors =
       QuantizeDescriptors(keyframe.junction_descriptors);
@@ -189,7 +219,10 @@ void MapWriter::Impl::InsertFeatures(const Keyframe& keyframe) {
   insert.Bind(3, right_x);
   insert.Bind(4, descriptors.scale);
   insert.Bind(5, descriptors.values);
-  if (!lines.empty()) insert.Bind(6, lines);  // what is not bound is NULL
+  if (!lines.empty()) {  // what is not bound is NULL
+    insert.Bind(6, lines);
+    insert.Bind(10, right_lines);
+  }
   if (!junctions.empty()) {
     insert.Bind(7, junctions);
     insert.Bind(8, junction_descriptors.scale);
@@ -213,6 +246,55 @@ void MapWriter::Impl::RunOn(SqliteStatement& statement, const char* what, std::i
   if (database->Changes() != 1) Fail("map file {} has no {} {}", file.string(), what, id);
 }
 
+void MapWriter::Impl::UpdateKeyframes(const Update& update) {
+  for (const auto& [id, pose] : update.world_from_cam) {
+    RequireFinite(pose, fmt::format("keyframe {}", id));
+    sql->update_pose.Bind(1, std::int64_t{id});
+    BindPose(sql->update_pose, 2, pose);
+    RunOn(sql->update_pose, "keyframe", id);
+  }
+  for (const Update::InertialState& state : update.inertial_states) {
+    const Bytes blob = EncodeInertialState(state);
+    sql->update_inertial_state.Bind(1, std::int64_t{state.keyframe});
+    sql->update_inertial_state.Bind(2, blob);
+    RunOn(sql->update_inertial_state, "keyframe", state.keyframe);
+  }
+}
+
+void MapWriter::Impl::UpdatePoints(const Update& update) {
+  for (const Landmark& landmark : update.landmarks) {
+    BindLandmark(sql->update_landmark, landmark);
+    RunOn(sql->update_landmark, "landmark", landmark.id);
+  }
+  for (const auto& [id, landmarks] : update.keyframe_landmarks) {
+    const Bytes blob = EncodeArray<LandmarkId>(landmarks);
+    sql->update_observations.Bind(1, std::int64_t{id});
+    sql->update_observations.Bind(2, blob);
+    RunOn(sql->update_observations, "keyframe with as many keypoints:", id);
+  }
+  for (const LandmarkId id : update.removed_landmarks) {
+    sql->delete_landmark.Bind(1, id);
+    RunOn(sql->delete_landmark, "landmark", id);
+  }
+}
+
+void MapWriter::Impl::UpdateLines(const Update& update) {
+  for (const LineLandmark& landmark : update.line_landmarks) {
+    BindLineLandmark(sql->update_line_landmark, landmark);
+    RunOn(sql->update_line_landmark, "line landmark", landmark.id);
+  }
+  for (const auto& [id, landmarks] : update.keyframe_line_landmarks) {
+    const Bytes blob = EncodeArray<LandmarkId>(landmarks);
+    sql->update_line_observations.Bind(1, std::int64_t{id});
+    sql->update_line_observations.Bind(2, blob);
+    RunOn(sql->update_line_observations, "keyframe with as many lines:", id);
+  }
+  for (const LandmarkId id : update.removed_line_landmarks) {
+    sql->delete_line_landmark.Bind(1, id);
+    RunOn(sql->delete_line_landmark, "line landmark", id);
+  }
+}
+
 MapWriter::MapWriter(const std::filesystem::path& file, const MapCalibration& calibration,
                      const std::string& model_pack, const std::string& model_pack_sha256)
     : impl_(std::make_unique<Impl>(file)) {
@@ -221,7 +303,8 @@ MapWriter::MapWriter(const std::filesystem::path& file, const MapCalibration& ca
 
 MapWriter::~MapWriter() = default;
 
-void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks) {
+void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks,
+                            std::span<const LineLandmark> new_line_landmarks) {
   RequireConsistent(keyframe);
   impl_->Transact([&] {
     SqliteStatement& insert = impl_->sql->insert_keyframe;
@@ -240,38 +323,18 @@ void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> 
       BindLandmark(impl_->sql->insert_landmark, landmark);
       impl_->sql->insert_landmark.Run();
     }
+    for (const LineLandmark& landmark : new_line_landmarks) {
+      BindLineLandmark(impl_->sql->insert_line_landmark, landmark);
+      impl_->sql->insert_line_landmark.Run();
+    }
   });
 }
 
 void MapWriter::Apply(const Update& update) {
   impl_->Transact([&] {
-    Impl::Statements& sql = *impl_->sql;
-    for (const auto& [id, pose] : update.world_from_cam) {
-      RequireFinite(pose, fmt::format("keyframe {}", id));
-      sql.update_pose.Bind(1, std::int64_t{id});
-      BindPose(sql.update_pose, 2, pose);
-      impl_->RunOn(sql.update_pose, "keyframe", id);
-    }
-    for (const Update::InertialState& state : update.inertial_states) {
-      const Bytes blob = EncodeInertialState(state);
-      sql.update_inertial_state.Bind(1, std::int64_t{state.keyframe});
-      sql.update_inertial_state.Bind(2, blob);
-      impl_->RunOn(sql.update_inertial_state, "keyframe", state.keyframe);
-    }
-    for (const Landmark& landmark : update.landmarks) {
-      BindLandmark(sql.update_landmark, landmark);
-      impl_->RunOn(sql.update_landmark, "landmark", landmark.id);
-    }
-    for (const auto& [id, landmarks] : update.keyframe_landmarks) {
-      const Bytes blob = EncodeArray<LandmarkId>(landmarks);
-      sql.update_observations.Bind(1, std::int64_t{id});
-      sql.update_observations.Bind(2, blob);
-      impl_->RunOn(sql.update_observations, "keyframe with as many keypoints:", id);
-    }
-    for (const LandmarkId id : update.removed_landmarks) {
-      sql.delete_landmark.Bind(1, id);
-      impl_->RunOn(sql.delete_landmark, "landmark", id);
-    }
+    impl_->UpdateKeyframes(update);
+    impl_->UpdatePoints(update);
+    impl_->UpdateLines(update);
   });
 }
 

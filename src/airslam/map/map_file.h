@@ -12,8 +12,9 @@
 
 namespace airslam {
 
-// The version of the schema that this program writes, and the newest that it reads.
-inline constexpr int kMapFormatVersion = 1;
+// The version of the schema that this program writes, and the newest that it reads. It reads all
+// earlier ones: version 1 has no line landmarks and no right lines.
+inline constexpr int kMapFormatVersion = 2;
 
 // Writes a map file (SQLite 3, WAL; schema in docs/map_format.md). Every call below is one
 // transaction: a killed process leaves all that was committed. Not thread-safe: one thread owns it.
@@ -30,10 +31,11 @@ class MapWriter {
   MapWriter& operator=(const MapWriter&) = delete;
 
   // Commits a new keyframe together with the landmarks that it created.
-  void AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks);
+  void AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks,
+                   std::span<const LineLandmark> new_line_landmarks = {});
 
-  // Commits what local bundle adjustment changed: poses and inertial states of keyframes, positions
-  // of landmarks, observations and landmarks that were removed as outliers. All parts belong to
+  // Commits what local bundle adjustment changed: poses and inertial states of keyframes, places of
+  // landmarks, observations and landmarks that were removed as outliers. All parts belong to
   // known ids. Keyframes that still name a removed landmark are read back as not seeing it.
   struct Update {
     std::vector<std::pair<KeyframeId, Rigid3>> world_from_cam = {};
@@ -47,6 +49,10 @@ class MapWriter {
       Eigen::Vector3d velocity_in_world, gyroscope_bias, accelerometer_bias;
     };
     std::vector<InertialState> inertial_states = {};
+    // The same of lines.
+    std::vector<LineLandmark> line_landmarks = {};
+    std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_line_landmarks = {};
+    std::vector<LandmarkId> removed_line_landmarks = {};
   };
   void Apply(const Update& update);
 
@@ -63,6 +69,9 @@ class MapWriter {
 // map, is truncated or damaged, or was written by a newer version. Descriptors are as precise as
 // RestoreDescriptors says; all else is as written, bit for bit.
 Map ReadMap(const std::filesystem::path& file);
+
+// The version of the format of a file that ReadMap reads.
+int ReadMapVersion(const std::filesystem::path& file);
 
 // SHA-256 over the content (table rows in order of their keys), not over SQLite's bytes: equal for
 // two runs that made the same map.

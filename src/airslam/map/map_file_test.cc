@@ -79,6 +79,7 @@ TEST_F(MapFileTest, LinesJunctionsAndInertialState) {
   Keyframe keyframe = TestKeyframe(0, 4, 0);
   keyframe.component = 2;
   keyframe.lines = {{1, 2, 3, 4, 0.5f}, {5, 6, 7, 8, 0.25f}};
+  keyframe.right_lines = {{1, 2, 2, 4, 0.5f}, kNoLine};
   keyframe.line_landmarks = {11, kNoLandmark};
   keyframe.junctions = {{9, 10, 0.75f}};
   keyframe.junction_descriptors = DescriptorMatrix::Constant(1, 4, 0.5f);
@@ -86,15 +87,26 @@ TEST_F(MapFileTest, LinesJunctionsAndInertialState) {
   keyframe.velocity_in_world = {1, 2, 3};
   keyframe.gyroscope_bias = {0.1, 0.2, 0.3};
   keyframe.accelerometer_bias = {-1, -2, -3};
+  const std::vector<LineLandmark> line_landmarks = {{11, {{1, 2, 3}, {4, 5, 7}}, 0}};
   MapWriter writer(file_, TestCalibration(), "pack", "abc");
-  writer.AddKeyframe(keyframe, TestLandmarks(keyframe));
+  writer.AddKeyframe(keyframe, TestLandmarks(keyframe), line_landmarks);
   writer.Close();
   const Map map = ReadMap(file_);
   const Keyframe& read = map.keyframes.at(0);
+  ASSERT_EQ(map.line_landmarks.size(), 1u);
+  const LineLandmark& line = map.line_landmarks.at(11);
+  EXPECT_EQ(line.id, 11);
+  EXPECT_EQ(line.ends_in_world.start, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(line.ends_in_world.end, Eigen::Vector3d(4, 5, 7));
+  EXPECT_EQ(line.first_seen_by, 0);
+  EXPECT_NEAR(line.line_in_world().Distance({4, 5, 7}), 0, 1e-12);
   ExpectSameKeyframe(read, keyframe);
   ASSERT_EQ(read.lines.size(), 2u);
   EXPECT_EQ(read.lines[1].y2, 8);
   EXPECT_EQ(read.line_landmarks, keyframe.line_landmarks);
+  ASSERT_EQ(read.right_lines.size(), 2u);
+  EXPECT_EQ(read.right_lines[0].x2, 2);
+  EXPECT_LT(read.right_lines[1].score, 0);
   ASSERT_EQ(read.junctions.size(), 1u);
   EXPECT_EQ(read.junctions[0].y, 10);
   EXPECT_EQ(read.junction_descriptors, keyframe.junction_descriptors);
@@ -167,6 +179,66 @@ TEST_F(MapFileTest, UpdateChangesWhatItNames) {
   EXPECT_EQ(map.keyframes.at(0).landmarks, column);
   EXPECT_EQ(map.keyframes.at(1).landmarks[1], kNoLandmark);  // the same landmark
   EXPECT_EQ(map.keyframes.at(1).landmarks[2], 7);
+}
+
+TEST_F(MapFileTest, UpdateChangesTheLinesThatItNames) {
+  Keyframe keyframe = TestKeyframe(0, 4, 0);
+  keyframe.lines.resize(3);
+  keyframe.right_lines.resize(3, kNoLine);
+  keyframe.line_landmarks = {5, 6, 7};
+  std::vector<LineLandmark> lines;
+  for (const LandmarkId id : {5, 6, 7}) lines.push_back({id, {{0, 0, 1}, {0, 0, 2}}, 0});
+  MapWriter writer(file_, TestCalibration(), "pack", "abc");
+  writer.AddKeyframe(keyframe, TestLandmarks(keyframe), lines);
+  const std::string before = MapDigest(file_);
+  MapWriter::Update update;
+  update.line_landmarks = {{5, {{1, 0, 1}, {1, 0, 2}}, 0}};
+  update.keyframe_line_landmarks = {{0, {5, kNoLandmark, 7}}};
+  update.removed_line_landmarks = {7};
+  writer.Apply(update);
+  EXPECT_NE(MapDigest(file_), before);
+
+  const auto error_of = [&](const MapWriter::Update& wrong) {
+    return ErrorOf([&] { writer.Apply(wrong); });
+  };
+  EXPECT_THAT(error_of({.line_landmarks = {{7, {{0, 0, 1}, {0, 0, 2}}, 0}}}),
+              HasSubstr("has no line landmark 7"));
+  EXPECT_THAT(error_of({.line_landmarks = {{5, {{0, 0, 1}, {0, 0, 1}}, 0}}}),
+              HasSubstr("not different"));
+  EXPECT_THAT(error_of({.keyframe_line_landmarks = {{0, {1, 2}}}}), HasSubstr("as many lines: 0"));
+  EXPECT_THAT(error_of({.removed_line_landmarks = {9}}), HasSubstr("has no line landmark 9"));
+  writer.Close();
+
+  const Map map = ReadMap(file_);
+  EXPECT_EQ(map.keyframes.at(0).line_landmarks,
+            (std::vector<LandmarkId>{5, kNoLandmark, kNoLandmark}));
+  EXPECT_EQ(map.line_landmarks.size(), 2u);
+  EXPECT_EQ(map.line_landmarks.at(5).ends_in_world.end.x(), 1);
+}
+
+// What version 1 of the format did not have is read as not there.
+TEST_F(MapFileTest, ReadsVersion1) {
+  Keyframe keyframe = TestKeyframe(0, 4, 0);
+  keyframe.lines = {{1, 2, 3, 4, 0.5f}};
+  keyframe.right_lines = {{1, 2, 2, 4, 0.5f}};
+  keyframe.line_landmarks = {5};
+  MapWriter writer(file_, TestCalibration(), "pack", "abc");
+  writer.AddKeyframe(keyframe, TestLandmarks(keyframe));
+  writer.Close();
+  EXPECT_EQ(ReadMapVersion(file_), 2);
+  SqliteDatabase(file_, SqliteDatabase::Mode::kCreate)
+      .Execute(
+          "DROP TABLE line_landmarks; ALTER TABLE features DROP COLUMN right_lines;"
+          "PRAGMA user_version = 1");
+  EXPECT_EQ(ReadMapVersion(file_), 1);
+  EXPECT_EQ(MapDigest(file_).size(), 64u);
+  const Map map = ReadMap(file_);
+  EXPECT_TRUE(map.line_landmarks.empty());
+  const Keyframe& read = map.keyframes.at(0);
+  ExpectSameKeyframe(read, keyframe);
+  ASSERT_EQ(read.right_lines.size(), 1u);
+  EXPECT_LT(read.right_lines[0].score, 0);
+  EXPECT_EQ(read.line_landmarks, std::vector<LandmarkId>{kNoLandmark});
 }
 
 // Each is refused, and leaves the map as it was.

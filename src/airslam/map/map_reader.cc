@@ -51,6 +51,7 @@ class TemporaryCopy {
 struct OpenMap {
   std::optional<TemporaryCopy> copy;
   std::optional<SqliteDatabase> database;
+  std::int64_t version = 0;  // of the format
 };
 
 [[noreturn]] void FailDamaged(const fs::path& file, std::string_view reason) {
@@ -98,7 +99,8 @@ void ConnectOrCopy(OpenMap& map, const fs::path& file) {
   }
 }
 
-void RequireKnownVersion(SqliteDatabase& database, const fs::path& file) {
+// Returns the version.
+std::int64_t RequireKnownVersion(SqliteDatabase& database, const fs::path& file) {
   if (database.QueryInteger("PRAGMA application_id") != kMapApplicationId) {
     Fail("{} is not a map: it is an SQLite file of something else", file.string());
   }
@@ -108,6 +110,7 @@ void RequireKnownVersion(SqliteDatabase& database, const fs::path& file) {
          file.string(), version, kMapFormatVersion);
   }
   if (version < 1) FailDamaged(file, fmt::format("it claims to be of format {}", version));
+  return version;
 }
 
 std::int32_t Int32(const SqliteStatement& row, int column) {
@@ -156,11 +159,12 @@ std::string ReadMeta(SqliteDatabase& database, std::string_view key) {
   return row.Text(0);
 }
 
+// The place {} is for what version 1 does not have.
 constexpr char kReadKeyframes[] = R"sql(
 SELECT k.id, k.timestamp_ns, k.component, k.qw, k.qx, k.qy, k.qz, k.tx, k.ty, k.tz,
        k.inertial_state, f.keypoints, f.right_x, f.descriptor_scale, f.descriptors, f.lines,
        f.junctions, f.junction_descriptor_scale, f.junction_descriptors, o.landmarks,
-       o.line_landmarks
+       o.line_landmarks, {}
 FROM keyframes k JOIN features f ON f.keyframe_id = k.id
                  JOIN observations o ON o.keyframe_id = k.id
 ORDER BY k.id
@@ -170,7 +174,7 @@ void RequireSize(std::size_t size, std::size_t expected, KeyframeId id, const ch
   if (size != expected) Fail("keyframe {} has {} {}, not {}", id, size, what, expected);
 }
 
-// From columns 11 to 20 of kReadKeyframes.
+// From columns 11 to 21 of kReadKeyframes.
 void ReadFeatures(const SqliteStatement& row, Keyframe& keyframe) {
   keyframe.keypoints = DecodeKeypoints(row.Blob(11));
   const std::size_t n = keyframe.keypoints.size();
@@ -182,6 +186,9 @@ void ReadFeatures(const SqliteStatement& row, Keyframe& keyframe) {
   keyframe.lines = DecodeLines(row.Blob(15));
   keyframe.line_landmarks = DecodeArray<LandmarkId>(row.Blob(20));
   RequireSize(keyframe.line_landmarks.size(), keyframe.lines.size(), keyframe.id, "line ids");
+  keyframe.right_lines = DecodeLines(row.Blob(21));
+  if (row.IsNull(21)) keyframe.right_lines.resize(keyframe.lines.size(), kNoLine);
+  RequireSize(keyframe.right_lines.size(), keyframe.lines.size(), keyframe.id, "right lines");
   keyframe.junctions = DecodeKeypoints(row.Blob(16));
   keyframe.junction_descriptors =
       RestoreDescriptors(row.Blob(18), row.Real(17), static_cast<int>(keyframe.junctions.size()));
@@ -197,8 +204,9 @@ void ReadInertialState(const SqliteStatement& row, Keyframe& keyframe) {
   keyframe.accelerometer_bias = Eigen::Vector3d(state.data() + 6);
 }
 
-void ReadKeyframes(SqliteDatabase& database, Map& map) {
-  SqliteStatement row(database, kReadKeyframes);
+void ReadKeyframes(SqliteDatabase& database, std::int64_t version, Map& map) {
+  SqliteStatement row(database,
+                      fmt::format(kReadKeyframes, version >= 2 ? "f.right_lines" : "NULL"));
   while (row.Step()) {
     Keyframe keyframe;
     keyframe.id = Int32(row, 0);
@@ -229,11 +237,32 @@ void ReadLandmarks(SqliteDatabase& database, Map& map) {
   }
 }
 
+void ReadLineLandmarks(SqliteDatabase& database, Map& map) {
+  SqliteStatement row(
+      database, "SELECT id, x1, y1, z1, x2, y2, z2, first_seen_by FROM line_landmarks ORDER BY id");
+  while (row.Step()) {
+    LineLandmark landmark;
+    landmark.id = row.Integer(0);
+    SpaceSegment& ends = landmark.ends_in_world;
+    ends.start = {row.Real(1), row.Real(2), row.Real(3)};
+    ends.end = {row.Real(4), row.Real(5), row.Real(6)};
+    landmark.first_seen_by = Int32(row, 7);
+    if (!ends.start.allFinite() || !ends.end.allFinite() || ends.start == ends.end ||
+        !map.keyframes.contains(landmark.first_seen_by)) {
+      Fail("line landmark {} is not valid", landmark.id);
+    }
+    map.line_landmarks[landmark.id] = landmark;
+  }
+}
+
 // A landmark that was removed takes the observations with it.
 void ForgetRemovedLandmarks(Map& map) {
   for (auto& [id, keyframe] : map.keyframes) {
     for (LandmarkId& landmark : keyframe.landmarks) {
       if (!map.landmarks.contains(landmark)) landmark = kNoLandmark;
+    }
+    for (LandmarkId& landmark : keyframe.line_landmarks) {
+      if (!map.line_landmarks.contains(landmark)) landmark = kNoLandmark;
     }
   }
 }
@@ -259,15 +288,15 @@ void Open(OpenMap& map, const fs::path& file) {
   try {
     ConnectOrCopy(map, file);
     map.database->Execute("BEGIN");
-    RequireKnownVersion(*map.database, file);
+    map.version = RequireKnownVersion(*map.database, file);
     RequireWholePages(map, file);
   } catch (const SqliteError& error) {
     FailDamaged(file, error.what());
   }
 }
 
-// Opens `file` and returns what `read` makes of its database. Whatever is wrong inside becomes one
-// sentence about the file.
+// Opens `file` and returns what `read` makes of its database and the format's version. Whatever is
+// wrong inside becomes one sentence about the file.
 template <class Read>
 auto ReadChecked(const fs::path& file, Read&& read) {
   OpenMap map;
@@ -275,7 +304,7 @@ auto ReadChecked(const fs::path& file, Read&& read) {
   try {
     const std::string check = map.database->QueryText("PRAGMA quick_check(1)");
     if (check != "ok") Fail("{}", check);
-    return read(*map.database);
+    return read(*map.database, map.version);
   } catch (const SqliteError& error) {
     FailDamaged(file, error.what());
   } catch (const Error& error) {
@@ -307,22 +336,28 @@ void UpdateDigest(Sha256& sha, const SqliteStatement& row, int column) {
 }  // namespace
 
 Map ReadMap(const fs::path& file) {
-  return ReadChecked(file, [](SqliteDatabase& database) {
+  return ReadChecked(file, [](SqliteDatabase& database, std::int64_t version) {
     Map map;
     map.calibration = ReadCalibration(database);
     map.model_pack = ReadMeta(database, "model_pack");
     map.model_pack_sha256 = ReadMeta(database, "model_pack_sha256");
-    ReadKeyframes(database, map);
+    ReadKeyframes(database, version, map);
     ReadLandmarks(database, map);
+    if (version >= 2) ReadLineLandmarks(database, map);
     ForgetRemovedLandmarks(map);
     return map;
   });
 }
 
+int ReadMapVersion(const fs::path& file) {
+  return ReadChecked(
+      file, [](SqliteDatabase&, std::int64_t version) { return static_cast<int>(version); });
+}
+
 std::string MapDigest(const fs::path& file) {
-  return ReadChecked(file, [](SqliteDatabase& database) {
+  return ReadChecked(file, [](SqliteDatabase& database, std::int64_t version) {
     Sha256 sha;
-    for (const MapTable& table : kMapTables) {
+    for (const MapTable& table : MapTables(version)) {
       sha.Update(table.name);
       SqliteStatement row(database,
                           fmt::format("SELECT * FROM {} ORDER BY {}", table.name, table.key));

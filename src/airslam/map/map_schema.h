@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The tables of a map file, version 1. docs/map_format.md explains them.
+// The tables of a map file, version 2. docs/map_format.md explains them.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 namespace airslam {
 
@@ -42,7 +43,8 @@ CREATE TABLE features (
   lines BLOB,
   junctions BLOB,
   junction_descriptor_scale REAL,
-  junction_descriptors BLOB
+  junction_descriptors BLOB,
+  right_lines BLOB
 ) STRICT;
 CREATE TABLE observations (
   keyframe_id INTEGER PRIMARY KEY REFERENCES keyframes (id),
@@ -54,6 +56,12 @@ CREATE TABLE landmarks (
   x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,
   first_seen_by INTEGER NOT NULL REFERENCES keyframes (id)
 ) STRICT;
+CREATE TABLE line_landmarks (
+  id INTEGER PRIMARY KEY,
+  x1 REAL NOT NULL, y1 REAL NOT NULL, z1 REAL NOT NULL,
+  x2 REAL NOT NULL, y2 REAL NOT NULL, z2 REAL NOT NULL,
+  first_seen_by INTEGER NOT NULL REFERENCES keyframes (id)
+) STRICT;
 )sql";
 
 // Every table with its key, in the order in which the digest takes them.
@@ -61,11 +69,17 @@ struct MapTable {
   const char* name;
   const char* key;
 };
-inline constexpr std::array<MapTable, 6> kMapTables = {{{"meta", "key"},
+inline constexpr std::array<MapTable, 7> kMapTables = {{{"meta", "key"},
                                                         {"calibration", "id"},
                                                         {"keyframes", "id"},
                                                         {"features", "keyframe_id"},
                                                         {"observations", "keyframe_id"},
-                                                        {"landmarks", "id"}}};
+                                                        {"landmarks", "id"},
+                                                        {"line_landmarks", "id"}}};
+
+// Those of a version of the format.
+inline std::span<const MapTable> MapTables(std::int64_t version) {
+  return std::span(kMapTables).first(version >= 2 ? 7 : 6);
+}
 
 }  // namespace airslam

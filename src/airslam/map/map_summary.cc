@@ -31,6 +31,8 @@ void SummarizeKeyframes(const Map& map, MapSummary& summary) {
     }
     last = &keyframe;
     summary.keypoints += std::ssize(keyframe.keypoints);
+    summary.lines += std::ssize(keyframe.lines);
+    summary.junctions += std::ssize(keyframe.junctions);
   }
   summary.keyframes = static_cast<int>(map.keyframes.size());
   summary.components = static_cast<int>(last_of_component.size());
@@ -42,15 +44,17 @@ void SummarizeKeyframes(const Map& map, MapSummary& summary) {
       static_cast<double>(last->second.timestamp_ns - first->second.timestamp_ns) * 1e-9;
 }
 
-double ObservationsPerLandmark(const Map& map) {
-  if (map.landmarks.empty()) return 0;
+// Mean number of keyframes that see a landmark; `seen` is the column of a keyframe that names them.
+double ObservationsPerLandmark(const Map& map, std::vector<LandmarkId> Keyframe::*seen,
+                               std::size_t landmarks) {
+  if (landmarks == 0) return 0;
   std::size_t observations = 0;
   for (const auto& [id, keyframe] : map.keyframes) {
-    std::set<LandmarkId> seen(keyframe.landmarks.begin(), keyframe.landmarks.end());
-    seen.erase(kNoLandmark);
-    observations += seen.size();
+    std::set<LandmarkId> ids((keyframe.*seen).begin(), (keyframe.*seen).end());
+    ids.erase(kNoLandmark);
+    observations += ids.size();
   }
-  return static_cast<double>(observations) / static_cast<double>(map.landmarks.size());
+  return static_cast<double>(observations) / static_cast<double>(landmarks);
 }
 
 }  // namespace
@@ -58,14 +62,18 @@ double ObservationsPerLandmark(const Map& map) {
 MapSummary SummarizeMap(const std::filesystem::path& file) {
   const Map map = ReadMap(file);
   MapSummary summary;
-  summary.format_version = kMapFormatVersion;
+  summary.format_version = ReadMapVersion(file);
   summary.digest = MapDigest(file);
   summary.model_pack = map.model_pack;
   summary.model_pack_sha256 = map.model_pack_sha256;
   summary.calibration = map.calibration;
   SummarizeKeyframes(map, summary);
   summary.landmarks = std::ssize(map.landmarks);
-  summary.observations_per_landmark = ObservationsPerLandmark(map);
+  summary.observations_per_landmark =
+      ObservationsPerLandmark(map, &Keyframe::landmarks, map.landmarks.size());
+  summary.line_landmarks = std::ssize(map.line_landmarks);
+  summary.observations_per_line_landmark =
+      ObservationsPerLandmark(map, &Keyframe::line_landmarks, map.line_landmarks.size());
   summary.file_bytes = FileBytes(file);
   if (summary.keyframes > 0) {
     summary.bytes_per_keyframe = static_cast<double>(summary.file_bytes) / summary.keyframes;
@@ -77,7 +85,7 @@ std::string FormatMapSummary(const MapSummary& s) {
   const Pinhole& camera = s.calibration.stereo.camera;
   std::string text;
   const auto line = [&text](std::string_view name, const std::string& value) {
-    text += fmt::format("{:<14}{}\n", name, value);
+    text += fmt::format("{:<16}{}\n", name, value);
   };
   line("format", std::to_string(s.format_version));
   line("camera",
@@ -92,7 +100,10 @@ std::string FormatMapSummary(const MapSummary& s) {
   line("path length", fmt::format("{:.3f} m", s.path_length_m));
   line("landmarks",
        fmt::format("{}, seen by {:.2f} keyframes each", s.landmarks, s.observations_per_landmark));
+  line("line landmarks", fmt::format("{}, seen by {:.2f} keyframes each", s.line_landmarks,
+                                     s.observations_per_line_landmark));
   line("keypoints", std::to_string(s.keypoints));
+  line("lines", fmt::format("{} with {} junctions", s.lines, s.junctions));
   line("file", fmt::format("{} bytes, {:.0f} a keyframe", s.file_bytes, s.bytes_per_keyframe));
   line("digest", s.digest);
   return text;
@@ -124,7 +135,11 @@ nlohmann::json MapSummaryToJson(const MapSummary& s) {
           {"path_length_m", s.path_length_m},
           {"landmarks", s.landmarks},
           {"observations_per_landmark", s.observations_per_landmark},
+          {"line_landmarks", s.line_landmarks},
+          {"observations_per_line_landmark", s.observations_per_line_landmark},
           {"keypoints", s.keypoints},
+          {"lines", s.lines},
+          {"junctions", s.junctions},
           {"file_bytes", s.file_bytes},
           {"bytes_per_keyframe", s.bytes_per_keyframe}};
 }

@@ -12,8 +12,8 @@ namespace airslam {
 
 // What `airslam info` says about a map.
 struct MapSummary {
-  int format_version = 0;
-  std::string digest;  // MapDigest
+  int format_version = 0;  // the file's
+  std::string digest;      // MapDigest
   std::string model_pack;
   std::string model_pack_sha256;
   MapCalibration calibration;
@@ -23,7 +23,11 @@ struct MapSummary {
   double path_length_m = 0;  // along the keyframes' cameras, within components
   std::int64_t landmarks = 0;
   double observations_per_landmark = 0;  // mean number of keyframes that see one
+  std::int64_t line_landmarks = 0;
+  double observations_per_line_landmark = 0;
   std::int64_t keypoints = 0;
+  std::int64_t lines = 0;  // of the keyframes, detected
+  std::int64_t junctions = 0;
   std::int64_t file_bytes = 0;  // with a write-ahead log that was left behind
   double bytes_per_keyframe = 0;
 };

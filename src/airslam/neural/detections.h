@@ -22,6 +22,9 @@ struct LineSegment {
   float score = 0;  // PLNet's: the probability that it is a line, 0..1
 };
 
+// Stands for a line that is not there.
+inline constexpr LineSegment kNoLine{0, 0, 0, 0, -1};
+
 // The two junctions that are a line's ends, as indices of Detections::junctions.
 struct LineEnds {
   int start = -1;  // at x1, y1
