@@ -152,7 +152,7 @@ def main() -> None:
     parser.add_argument("--lines", type=Path, default=CACHE / "runs/lines/checkpoint.pt")
     parser.add_argument("--matcher", type=Path, default=CACHE / "runs/matcher/checkpoint.pt")
     parser.add_argument("--quality", type=Path, help="json with measured numbers, copied into the manifest")
-    parser.add_argument("--only", nargs="+", default=["plnet", "lines", "matcher"], help="leave the others as they are")
+    parser.add_argument("--only", nargs="*", default=["plnet", "lines", "matcher"], help="leave the others as they are")
     options = parser.parse_args()
     PACK.mkdir(parents=True, exist_ok=True)
     manifest = PACK / "manifest.json"
