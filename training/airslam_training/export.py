@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
 import hashlib
 import json
+import tempfile
 from pathlib import Path
 
 import onnx
@@ -20,6 +22,7 @@ from .cache import CACHE
 from .lines import EXTRA, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck
 from .matcher import Matcher, MatcherConfig
 from .networks import PLNet, PLNetConfig
+from .quantize import quantize
 
 OPSET = 17
 PACK = Path(__file__).resolve().parents[2] / "models/airslam-fast"
@@ -146,6 +149,13 @@ def write_manifest(pack: Path, training: dict, quality: dict) -> None:
     (pack / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n")
 
 
+@contextlib.contextmanager
+def scratch(name: str):
+    """The path of a file that is gone afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) / name
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plnet", type=Path, default=CACHE / "runs/plnet/checkpoint.pt")
@@ -165,11 +175,14 @@ def main() -> None:
         state = torch.load(checkpoint, map_location="cpu", weights_only=True)
         training[name] = {"config": f"training/config/{name}.yaml", "seed": state["config"]["seed"], "steps": state["step"]}
         if name == "plnet":
-            export_plnet(load_plnet(checkpoint), PACK / "plnet.onnx")
+            with scratch("plnet.onnx") as raw:
+                export_plnet(load_plnet(checkpoint), raw)
+                quantize(raw, PACK / "plnet.onnx")
         elif name == "lines":
             net = load_plnet(options.plnet)
-            export_lines(net, load_lines(checkpoint, net), PACK / "plnet_lines.onnx",
-                         PACK / "line_classifier.onnx")
+            with scratch("plnet_lines.onnx") as raw:
+                export_lines(net, load_lines(checkpoint, net), raw, PACK / "line_classifier.onnx")
+                quantize(raw, PACK / "plnet_lines.onnx")
         else:
             for i, stage in enumerate(load_matcher(checkpoint).stages):
                 export_stage(stage, PACK / f"matcher_stage{i}.onnx")

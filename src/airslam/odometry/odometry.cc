@@ -28,6 +28,12 @@ bool Agrees(const PosePrior& prediction, const Rigid3& world_from_cam) {
   return residuals.norm() < kMaxSigmas;
 }
 
+BundleOptions LocalBundleOptions(const LocalMapOptions& local_map) {
+  BundleOptions options;
+  options.robust_iterations = options.final_iterations = local_map.iterations;
+  return options;
+}
+
 }  // namespace
 
 Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibration,
@@ -42,7 +48,7 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
       map_(calibration, options_.local_map, options_.tracking.pixel_sigma),
       tracker_(options_.tracking, map_, matcher_),
       builder_(options_, tracker_, map_),
-      bundle_worker_({}, parts.times) {}
+      bundle_worker_(LocalBundleOptions(options_.local_map), parts.times) {}
 
 const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
   const auto start = std::chrono::steady_clock::now();

@@ -33,6 +33,7 @@ void OdometryOptions::Validate() const {
   RequireRange("local_map.window", local_map.window, 2, 100);
   RequireRange("local_map.max_fixed", local_map.max_fixed, 1, 1000);
   RequireRange("local_map.lag_frames", local_map.lag_frames, 1, 100);
+  RequireRange("local_map.iterations", local_map.iterations, 1, 100);
   RequireRange("recovery.keyframes", recovery.keyframes, 1, 100);
   RequireRange("recovery.min_inliers", recovery.min_inliers, 6, 2000);
   RequireRange("recovery.min_found_share", recovery.min_found_share, 0.0, 1.0);

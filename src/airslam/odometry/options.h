@@ -76,12 +76,16 @@ struct LocalMapOptions {
   int max_fixed = 10;
   // A keyframe's adjustment is used from this many frames later on, >= 1 (the same on every run).
   int lag_frames = 2;
+  // Iterations of each of the two rounds (before and after outliers are rejected), 1..100. Few are
+  // enough, for each keyframe goes on from where the last one's adjustment ended.
+  int iterations = 3;
 
   template <class V>
   void Visit(V& v) {
     v.Field("window", window);
     v.Field("max_fixed", max_fixed);
     v.Field("lag_frames", lag_frames);
+    v.Field("iterations", iterations);
   }
 };
 
