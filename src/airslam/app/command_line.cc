@@ -31,12 +31,13 @@ int RunCommandLine(int argc, char** argv) {
   CLI::App app("AirSLAM: point-line visual SLAM for robots in changing light", "airslam");
   app.require_subcommand(1);
   app.failure_message(DescribeWrongUsage);
-  app.set_version_flag("--version", "airslam 0.1.0");
+  app.set_version_flag("--version", std::string("airslam ") + kVersion);
   AddMapCommand(app);
   AddInfoCommand(app);
   AddFeaturesCommand(app);
   AddDetectCommand(app);
   AddEvalCommand(app);
+  AddDoctorCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

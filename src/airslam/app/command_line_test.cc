@@ -21,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -48,6 +49,24 @@ void ExpectArgumentComplaint(const TemporaryFolder& folder, std::vector<std::str
   std::vector<std::string> arguments = {"map", TestDataset::Get().euroc(), "--out", "out"};
   arguments.insert(arguments.end(), further.begin(), further.end());
   ExpectComplaint(RunProgram(folder.path(), arguments), words);
+}
+
+TEST(Doctor, FindsThisMachineInOrder) {
+  const TemporaryFolder folder;
+  const ProgramResult run = RunProgram(folder.path(), {"doctor"});
+  for (const char* part : {"solver", "models", "inference"}) {
+    EXPECT_THAT(Lines(run.out), Contains(AllOf(StartsWith("ok"), HasSubstr(part)))) << run.out;
+  }
+}
+
+TEST(Doctor, SaysWhatIsWrong) {
+  const TemporaryFolder folder;
+  folder.Write("pack/manifest.json", "{}");
+  const ProgramResult run = RunProgram(folder.path(), {"doctor", "--model", "pack"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(Lines(run.out),
+              Contains(AllOf(StartsWith("WRONG  models"), HasSubstr("manifest.json"))));
+  EXPECT_THAT(run.Complaints(), ElementsAre(HasSubstr("something is wrong")));
 }
 
 TEST(CommandLine, WrongUsageIsCodeTwoAndOneSentence) {

@@ -5,6 +5,8 @@
 
 namespace airslam {
 
+inline constexpr char kVersion[] = "0.1.0";
+
 // Each adds one command with its options to the command line, each in a file of its own
 // (<name>_command.cc). The command runs when it has been parsed; what it throws is its failure.
 void AddMapCommand(CLI::App& app);
@@ -12,5 +14,6 @@ void AddInfoCommand(CLI::App& app);
 void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
+void AddDoctorCommand(CLI::App& app);
 
 }  // namespace airslam

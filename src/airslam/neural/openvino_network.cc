@@ -131,6 +131,11 @@ void OpenVinoOptions::Validate() const {
   if (threads < 1) Fail("OpenVinoOptions.threads is {}, expected at least 1", threads);
 }
 
+std::string OpenVinoVersion() {
+  const std::string build = ov::get_openvino_version().buildNumber;
+  return build.substr(0, build.find('-'));
+}
+
 bool CpuHasBf16() {
 #if defined(__x86_64__)
   return __builtin_cpu_supports("avx512bf16");  // every CPU with AMX-BF16 has it too

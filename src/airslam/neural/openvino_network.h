@@ -30,6 +30,9 @@ struct OpenVinoOptions {
   void Validate() const;
 };
 
+// The runtime's version, e.g. "2026.4.1".
+std::string OpenVinoVersion();
+
 // Whether this CPU multiplies bf16 in hardware.
 bool CpuHasBf16();
 
