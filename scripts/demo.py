@@ -21,6 +21,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from matplotlib.collections import LineCollection  # noqa: E402
 
 ESTIMATE, TRUTH, ACCENT, FAINT = "#d95f02", "#404040", "#1b6ca8", "#9aa5b1"
 
@@ -211,6 +212,7 @@ class MapContent:
     """What map.db holds of the largest component: metres in the map's world, left camera."""
 
     landmarks: np.ndarray  # (n, 3)
+    lines: np.ndarray      # (m, 2, 3), the ends of each
     keyframes: np.ndarray  # (k, 3), positions of the body
 
 
@@ -227,37 +229,44 @@ def read_map(file: Path) -> MapContent:
         component = database.execute("SELECT component FROM keyframes GROUP BY component "
                                      "ORDER BY COUNT(*) DESC, component LIMIT 1").fetchone()
         if component is None:
-            return MapContent(np.zeros((0, 3)), np.zeros((0, 3)))
+            return MapContent(np.zeros((0, 3)), np.zeros((0, 2, 3)), np.zeros((0, 3)))
         poses = np.array(database.execute(
             "SELECT qw, qx, qy, qz, tx, ty, tz FROM keyframes WHERE component = ? ORDER BY id",
             component).fetchall())
         landmarks = np.array(database.execute(
             "SELECT x, y, z FROM landmarks JOIN keyframes ON first_seen_by = keyframes.id "
             "WHERE component = ? ORDER BY landmarks.id", component).fetchall()).reshape(-1, 3)
+        lines = np.array(database.execute(
+            "SELECT x1, y1, z1, x2, y2, z2 FROM line_landmarks JOIN keyframes "
+            "ON first_seen_by = keyframes.id WHERE component = ? ORDER BY line_landmarks.id",
+            component).fetchall()).reshape(-1, 2, 3)
         mount = np.array(database.execute(
             "SELECT body_from_left_qw, body_from_left_qx, body_from_left_qy, body_from_left_qz, "
             "body_from_left_tx, body_from_left_ty, body_from_left_tz FROM calibration").fetchone())
     # world_from_body = world_from_cam * cam_from_body; the body's origin in the camera is -R^T t.
     inverse = mount[:4] * np.array([1, -1, -1, -1])
     body_in_cam = -_rotate(inverse[None], mount[4:])[0]
-    return MapContent(landmarks, poses[:, 4:] + _rotate(poses[:, :4], body_in_cam))
+    return MapContent(landmarks, lines, poses[:, 4:] + _rotate(poses[:, :4], body_in_cam))
 
 
-def _inliers(points: np.ndarray) -> np.ndarray:
-    """Leaves out the few points that are much farther away than the others."""
+def _reach(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and half size of the box that holds the points but the few that are far away."""
     centre = np.median(points, axis=0)
-    reach = np.percentile(np.abs(points - centre), 98, axis=0) * 1.3
-    return points[(np.abs(points - centre) <= reach).all(axis=1)]
+    return centre, np.percentile(np.abs(points - centre), 98, axis=0) * 1.3
 
 
 def draw_map(file: Path, content: MapContent, result: Comparison | None, estimate: Path3) -> None:
-    """Writes map.png: landmarks from above, coloured by height, with path and keyframes."""
+    """Writes map.png: points and lines from above, coloured by height, with path and keyframes."""
     rotation, translation = (np.eye(3), np.zeros(3)) if result is None else \
         (result.rotation, result.translation)
     path = estimate.positions @ rotation.T + translation
     keyframes = content.keyframes @ rotation.T + translation
-    points = _inliers(content.landmarks @ rotation.T + translation) if len(content.landmarks) \
-        else np.zeros((0, 3))
+    points = content.landmarks @ rotation.T + translation
+    lines = content.lines @ rotation.T + translation
+    if len(points):
+        centre, reach = _reach(points)
+        points = points[(np.abs(points - centre) <= reach).all(axis=1)]
+        lines = lines[(np.abs(lines - centre) <= reach).all(axis=(1, 2))]
     everything = np.concatenate([path, points])
     i, j = plan_axes(everything)
     height = 3 - i - j
@@ -268,11 +277,16 @@ def draw_map(file: Path, content: MapContent, result: Comparison | None, estimat
     points = points[np.argsort(points[:, height])]
     dots = axes.scatter(points[:, i], points[:, j], c=points[:, height], s=4.0, cmap="viridis",
                         linewidths=0)
+    lines = lines[np.argsort(lines[:, :, height].mean(axis=1))]
+    axes.add_collection(LineCollection(
+        lines[:, :, [i, j]], colors=dots.cmap(dots.norm(lines[:, :, height].mean(axis=1))),
+        linewidths=1.6))
     axes.plot(path[:, i], path[:, j], color=ESTIMATE, linewidth=1.5, label="path")
     axes.plot(keyframes[:, i], keyframes[:, j], "o", color=ESTIMATE, markersize=3.5,
               markeredgecolor="white", markeredgewidth=0.5, label=f"keyframes ({len(keyframes)})")
     axes.set_aspect("equal", adjustable="datalim")
-    _tidy(axes, f"map from above: {len(content.landmarks)} landmarks", f"{'xyz'[i]} [m]",
+    _tidy(axes, f"map from above: {len(content.landmarks)} points, {len(content.lines)} lines",
+          f"{'xyz'[i]} [m]",
           f"{'xyz'[j]} [m]")
     axes.legend(frameon=False, fontsize=9, loc="upper right")
     figure.colorbar(dots, ax=axes, shrink=0.7, label=f"height {'xyz'[height]} [m]")
@@ -289,7 +303,7 @@ def summary(folder: Path, report: dict, result: Comparison | None) -> str:
         f"speed        {report.get('frames_per_second', 0):.1f} frames/s "
         f"({report.get('wall_seconds', 0):.1f} s for everything)",
         f"map          {report.get('keyframes', 0)} keyframes, {report.get('landmarks', 0)} "
-        f"landmarks, {(folder / 'map.db').stat().st_size / 1e6:.1f} MB",
+        f"landmarks, {report.get('lines', {}).get('landmarks', 0)} lines, {(folder / 'map.db').stat().st_size / 1e6:.1f} MB",
     ]
     if result is not None:
         length = np.linalg.norm(np.diff(result.truth, axis=0), axis=1).sum()

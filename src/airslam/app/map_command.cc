@@ -26,6 +26,7 @@ struct MapArguments {
   std::string config;
   std::string model = kDefaultModelPack;
   bool no_imu = false;
+  bool no_lines = false;
 };
 
 std::unique_ptr<FeatureMatcher> MakeMatcher(const ModelPack& pack) {
@@ -74,8 +75,10 @@ void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::
   const int component = LargestComponent(result);
   if (component < 0) LogWarn("no frame could be tracked: the trajectory is empty");
   const std::size_t posed = FinalTrajectory(result, component).size();
-  std::printf("%zu of %zu frames in the trajectory, %zu keyframes, %zu landmarks\n", posed,
-              result.records.size(), result.map.keyframes.size(), result.map.landmarks.size());
+  const Map& map = result.map;
+  std::printf("%zu of %zu frames in the trajectory, %zu keyframes, %zu landmarks, %zu lines\n",
+              posed, result.records.size(), map.keyframes.size(), map.landmarks.size(),
+              map.line_landmarks.size());
   std::printf("%.1f s, %.1f frames/s; results in %s\n", info.wall_seconds,
               static_cast<double>(result.records.size()) / info.wall_seconds, out.c_str());
 }
@@ -86,6 +89,7 @@ void RunMap(const MapArguments& arguments) {
   if (!arguments.config.empty()) LoadOptions(arguments.config, options);
   options.Validate();
   if (arguments.no_imu) options.inertial.enabled = false;
+  if (arguments.no_lines) options.lines.enabled = false;
   const std::unique_ptr<Sequence> sequence = OpenSequence(arguments.dataset);
   for (const std::string& warning : sequence->warnings()) LogWarn("{}", warning);
   const StereoRectifier rectifier(sequence->rig());
@@ -128,6 +132,7 @@ void AddMapCommand(CLI::App& app) {
   command->add_option("--config", arguments->config, "YAML file of options");
   command->add_option("--model", arguments->model, "Model pack: a name or a folder");
   command->add_flag("--no-imu", arguments->no_imu, "Leave the IMU out: stereo alone");
+  command->add_flag("--no-lines", arguments->no_lines, "Leave lines out: points alone");
   command->callback([arguments] { RunMap(*arguments); });
 }
 

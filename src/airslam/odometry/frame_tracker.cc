@@ -116,9 +116,8 @@ PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
 
 std::optional<FrameTracker::Found> FrameTracker::Seek(const ImagePyramid& image,
                                                       const Rigid3& world_from_cam,
-                                                      LandmarkId landmark,
-                                                      const KeypointRef& source, int first,
-                                                      int last) const {
+                                                      LandmarkId landmark, const FeatureRef& source,
+                                                      int first, int last) const {
   const Pinhole& camera = map_.stereo().camera;
   const Eigen::Vector3d& point_in_world = map_.map().landmarks.at(landmark).point_in_world;
   const Rigid3 cam_from_world = world_from_cam.Inverse();
@@ -152,7 +151,7 @@ PoseOptimizationResult FrameTracker::PoseFromCoarsePatches(const FrameView& fram
   std::vector<PointConstraint> constraints;
   for (LandmarkId landmark : keyframe.landmarks) {
     if (landmark == kNoLandmark) continue;
-    const KeypointRef source = map_.Source(landmark);
+    const FeatureRef source = map_.Source(landmark);
     if (source.keyframe < 0) continue;
     constexpr int kCoarsest = ImagePyramid::kLevels - 1;
     if (const auto found =
@@ -184,8 +183,8 @@ std::optional<TrackedFrame> FrameTracker::AlignAtLevels(const FrameView& frame,
   for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
     const LandmarkId landmark = keyframe.landmarks[i];
     if (landmark == kNoLandmark) continue;
-    const KeypointRef own{keyframe.id, static_cast<int>(i)};
-    const KeypointRef source = map_.Source(landmark);
+    const FeatureRef own{keyframe.id, static_cast<int>(i)};
+    const FeatureRef source = map_.Source(landmark);
     std::optional<Found> found;
     bool by_source = false;
     if (source.keyframe >= 0) {

@@ -68,7 +68,7 @@ class FrameTracker {
   // pyramid's level `first`, then at coarser ones up to `last`, where noise is weaker. Nothing when
   // it is out of sight or looks different.
   std::optional<Found> Seek(const ImagePyramid& image, const Rigid3& world_from_cam,
-                            LandmarkId landmark, const KeypointRef& source, int first,
+                            LandmarkId landmark, const FeatureRef& source, int first,
                             int last) const;
 
  private:

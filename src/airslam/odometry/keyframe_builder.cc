@@ -11,8 +11,8 @@ namespace airslam {
 struct KeyframeBuilder::Claim {
   LandmarkId landmark;
   Eigen::Vector2d pixel;
-  KeypointRef source;  // whose descriptor stands in where no keypoint was detected
-  bool by_source;      // aligned to the patch that defines the landmark
+  FeatureRef source;  // whose descriptor stands in where no keypoint was detected
+  bool by_source;     // aligned to the patch that defines the landmark
 };
 
 std::vector<KeyframeBuilder::Claim> KeyframeBuilder::ClaimLandmarks(
@@ -20,15 +20,15 @@ std::vector<KeyframeBuilder::Claim> KeyframeBuilder::ClaimLandmarks(
   std::vector<Claim> claims;
   std::set<LandmarkId> taken;
   for (const TrackedPoint& point : tracked.points) {
-    claims.push_back({point.landmark, point.pixel, {tracked.keyframe, point.keyframe_index},
-                      point.by_source});
+    claims.push_back(
+        {point.landmark, point.pixel, {tracked.keyframe, point.keyframe_index}, point.by_source});
     taken.insert(point.landmark);
   }
   // Landmarks of earlier keyframes that the last one did not hold may be in sight again.
   for (KeyframeId id : map_.window()) {
     for (LandmarkId landmark : map_.map().keyframes.at(id).landmarks) {
       if (landmark == kNoLandmark || !taken.insert(landmark).second) continue;
-      const KeypointRef source = map_.Source(landmark);
+      const FeatureRef source = map_.Source(landmark);
       if (source.keyframe < 0) continue;
       if (const auto found =
               tracker_.Seek(frame.image, tracked.world_from_cam, landmark, source, 0, 0)) {
@@ -115,8 +115,7 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& rig
   stereo.min_similarity = options_.tracking.min_similarity;
   stereo.alignment.min_correlation = options_.tracking.min_correlation;
   stereo.coarse_below = options_.tracking.coarse_below;
-  const StereoView view{frame.image, right_image, keyframe.keypoints, keyframe.descriptors,
-                        right};
+  const StereoView view{frame.image, right_image, keyframe.keypoints, keyframe.descriptors, right};
   keyframe.right_x = MatchStereo(view, map_.stereo(), expected, stereo);
 }
 
@@ -150,9 +149,9 @@ std::vector<LandmarkId> KeyframeBuilder::AddMotionLandmarks(const FrameView& fra
   if (map_.empty() || map_.last().component != keyframe.component) return added;
   const Keyframe& last = map_.last();
   const KeypointGrid occupied = OccupiedPlaces(keyframe);
-  for (const MotionPoint& point : TriangulateFromMotion({last, map_.image(last.id).full()},
-                                                        {keyframe, frame.image.full()},
-                                                        map_.stereo().camera)) {
+  for (const MotionPoint& point :
+       TriangulateFromMotion({last, map_.image(last.id).full()}, {keyframe, frame.image.full()},
+                             map_.stereo().camera)) {
     if (occupied.AnyNear(point.later_pixel, options_.keyframe.min_spacing)) continue;
     const LandmarkId id = map_.AddLandmark(point.point_in_world);
     map_.AddObservation(id, {last.id, point.earlier_index});

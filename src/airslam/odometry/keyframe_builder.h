@@ -30,11 +30,11 @@ class KeyframeBuilder {
 
   // A keyframe at `tracked`, with the landmarks of the local map that it sees.
   KeyframeDraft FromTracked(const FrameView& frame, std::int64_t timestamp_ns,
-                       const TrackedFrame& tracked) const;
+                            const TrackedFrame& tracked) const;
 
   // The first keyframe of a component: no landmarks yet.
   KeyframeDraft FromDetections(const FrameView& frame, std::int64_t timestamp_ns, int component,
-                          const Rigid3& world_from_cam) const;
+                               const Rigid3& world_from_cam) const;
 
   // Fills keyframe.right_x from the right image.
   void MatchRight(const FrameView& frame, const ImagePyramid& right_image, const Detections& right,

@@ -7,15 +7,15 @@
 namespace airslam {
 
 LocalMap::LocalMap(const MapCalibration& calibration, const LocalMapOptions& options,
-                   double pixel_sigma)
-    : options_(options), pixel_sigma_(pixel_sigma) {
+                   double pixel_sigma, const LineOptions& lines)
+    : options_(options), pixel_sigma_(pixel_sigma), lines_(lines, map_) {
   map_.calibration = calibration;
 }
 
-KeypointRef LocalMap::Source(LandmarkId id) const {
+FeatureRef LocalMap::Source(LandmarkId id) const {
   const auto chosen = sources_.find(id);
   if (chosen != sources_.end() && images_.contains(chosen->second.keyframe)) return chosen->second;
-  for (const KeypointRef& ref : seen_by_.at(id)) {
+  for (const FeatureRef& ref : seen_by_.at(id)) {
     if (images_.contains(ref.keyframe)) return ref;
   }
   return {};
@@ -28,7 +28,7 @@ LandmarkId LocalMap::AddLandmark(const Eigen::Vector3d& point_in_world) {
   return id;
 }
 
-void LocalMap::AddObservation(LandmarkId id, const KeypointRef& ref) {
+void LocalMap::AddObservation(LandmarkId id, const FeatureRef& ref) {
   map_.keyframes.at(ref.keyframe).landmarks[ref.index] = id;
   Landmark& landmark = map_.landmarks.at(id);
   landmark.first_seen_by = std::min(landmark.first_seen_by, ref.keyframe);
@@ -46,6 +46,7 @@ void LocalMap::AddKeyframe(Keyframe keyframe, const ImagePyramid& left_image) {
     if (keyframe.landmarks[i] == kNoLandmark) continue;
     seen_by_.at(keyframe.landmarks[i]).push_back({id, static_cast<int>(i)});
   }
+  lines_.AddKeyframe(keyframe);
   map_.keyframes[id] = std::move(keyframe);
   images_[id] = left_image;
   window_.push_back(id);
@@ -65,7 +66,7 @@ BundleJob LocalMap::MakeBundleJob() const {
   }
   std::set<KeyframeId> anchors;  // keyframes before the window, the latest of them
   for (LandmarkId landmark : landmarks) {
-    for (const KeypointRef& ref : seen_by_.at(landmark)) {
+    for (const FeatureRef& ref : seen_by_.at(landmark)) {
       if (ref.keyframe < window_.front()) anchors.insert(ref.keyframe);
     }
   }
@@ -82,11 +83,17 @@ BundleJob LocalMap::MakeBundleJob() const {
   };
   for (KeyframeId id : anchors) add_pose(id, true);
   for (KeyframeId id : window_) add_pose(id, anchors.empty() && id == window_.front());
-
   job.problem.stereo = stereo();
+  AddPoints(pose_index, std::vector<LandmarkId>(landmarks.begin(), landmarks.end()), job);
+  lines_.AddTo(window_, pose_index, job);
+  return job;
+}
+
+void LocalMap::AddPoints(const std::map<KeyframeId, int>& pose_of,
+                         std::span<const LandmarkId> landmarks, BundleJob& job) const {
   for (LandmarkId landmark : landmarks) {
-    std::vector<KeypointRef> refs = seen_by_.at(landmark);
-    std::erase_if(refs, [&](const KeypointRef& r) { return !pose_index.contains(r.keyframe); });
+    std::vector<FeatureRef> refs = seen_by_.at(landmark);
+    std::erase_if(refs, [&](const FeatureRef& r) { return !pose_of.contains(r.keyframe); });
     if (refs.size() == 1) {
       job.carried.emplace_back(landmark, refs.front().keyframe);
       continue;
@@ -94,36 +101,32 @@ BundleJob LocalMap::MakeBundleJob() const {
     const int point = static_cast<int>(job.landmarks.size());
     job.landmarks.push_back(landmark);
     job.problem.points_in_world.push_back(map_.landmarks.at(landmark).point_in_world);
-    for (const KeypointRef& ref : refs) {
+    for (const FeatureRef& ref : refs) {
       const Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
       const Keypoint& keypoint = keyframe.keypoints[ref.index];
       job.observations.push_back(ref);
       job.problem.observations.push_back(
-          {pose_index.at(ref.keyframe), point,
+          {pose_of.at(ref.keyframe), point,
            PointObservation{{keypoint.x, keypoint.y}, keyframe.right_x[ref.index], pixel_sigma_}});
     }
   }
-  return job;
 }
 
-void LocalMap::RemoveObservation(const KeypointRef& ref) {
+void LocalMap::RemoveObservation(const FeatureRef& ref) {
   Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
-  std::vector<KeypointRef>& refs = seen_by_.at(keyframe.landmarks[ref.index]);
-  std::erase_if(refs, [&](const KeypointRef& r) { return r.keyframe == ref.keyframe; });
+  std::vector<FeatureRef>& refs = seen_by_.at(keyframe.landmarks[ref.index]);
+  std::erase_if(refs, [&](const FeatureRef& r) { return r.keyframe == ref.keyframe; });
   keyframe.landmarks[ref.index] = kNoLandmark;
 }
 
-void LocalMap::MoveCarried(const BundleJob& solved) {
-  std::map<KeyframeId, Rigid3> new_from_old;  // in world
+std::map<KeyframeId, Rigid3> LocalMap::Moves(const BundleJob& solved) const {
+  std::map<KeyframeId, Rigid3> new_from_old;
   for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
     new_from_old[solved.keyframes[i]] =
         solved.problem.world_from_cam[i] *
         map_.keyframes.at(solved.keyframes[i]).world_from_cam.Inverse();
   }
-  for (const auto& [landmark, keyframe] : solved.carried) {
-    Eigen::Vector3d& point = map_.landmarks.at(landmark).point_in_world;
-    point = new_from_old.at(keyframe) * point;
-  }
+  return new_from_old;
 }
 
 void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
@@ -137,9 +140,7 @@ void LocalMap::RemoveUnseenLandmarks(std::span<const LandmarkId> candidates,
   }
 }
 
-MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
-  MapWriter::Update update;
-  MoveCarried(solved);
+void LocalMap::ApplyStates(const BundleJob& solved, MapWriter::Update& update) {
   for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
     if (solved.problem.pose_fixed[i]) continue;
     const Rigid3& pose = solved.problem.world_from_cam[i];
@@ -154,6 +155,16 @@ MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
     update.inertial_states.push_back(
         {keyframe.id, state.velocity_in_world, state.bias.gyroscope, state.bias.accelerometer});
   }
+}
+
+MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
+  MapWriter::Update update;
+  const std::map<KeyframeId, Rigid3> new_from_old = Moves(solved);
+  for (const auto& [landmark, keyframe] : solved.carried) {
+    Eigen::Vector3d& point = map_.landmarks.at(landmark).point_in_world;
+    point = new_from_old.at(keyframe) * point;
+  }
+  ApplyStates(solved, update);
   std::set<KeyframeId> changed;
   for (std::size_t i = 0; i < solved.observations.size(); ++i) {
     if (!solved.summary.outlier[i]) continue;
@@ -173,6 +184,7 @@ MapWriter::Update LocalMap::Apply(const BundleJob& solved) {
   for (KeyframeId id : changed) {
     update.keyframe_landmarks.emplace_back(id, map_.keyframes.at(id).landmarks);
   }
+  lines_.Apply(solved, new_from_old, update);
   return update;
 }
 

@@ -126,7 +126,7 @@ TEST_F(LocalMapTest, OutliersAreRemovedAndLandmarksThatNobodySees) {
   Add({kept, lost});
   BundleJob job = SolvedJob();
   for (std::size_t i = 0; i < job.observations.size(); ++i) {
-    const KeypointRef& ref = job.observations[i];
+    const FeatureRef& ref = job.observations[i];
     job.summary.outlier[i] = ref.keyframe == 1 || ref.index == 1;
   }
   const MapWriter::Update update = map_.Apply(job);

@@ -45,9 +45,10 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
       recorder_(parts.recorder),
       inertial_(parts.inertial),
       times_(parts.times),
-      map_(calibration, options_.local_map, options_.tracking.pixel_sigma),
+      map_(calibration, options_.local_map, options_.tracking.pixel_sigma, options_.lines),
       tracker_(options_.tracking, map_, matcher_),
       builder_(options_, tracker_, map_),
+      line_builder_(options_.lines, map_),
       bundle_worker_(LocalBundleOptions(options_.local_map), parts.times) {}
 
 const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
@@ -227,10 +228,27 @@ void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
   Detections features;
   {
     ScopedStage stage(times_, "detect right");
-    features = right_detector_.Detect(right, rectifier_.right_mask(), options_.max_keypoints);
+    features = right_detector_.Detect(right, rectifier_.right_mask(),
+                                      {options_.max_keypoints, UsesLines(), LineScore()});
   }
-  ScopedStage stage(times_, "match stereo");
-  builder_.MatchRight(view, MakePyramid(right), features, keyframe);
+  {
+    ScopedStage stage(times_, "match stereo");
+    builder_.MatchRight(view, MakePyramid(right), features, keyframe);
+  }
+  if (UsesLines()) DetectLines(frame, features, keyframe);
+}
+
+// The pass over the left image that every frame gets has no lines: they would cost half as much
+// again, and most frames are no keyframes.
+void Odometry::DetectLines(const PreparedFrame& frame, const Detections& right,
+                           Keyframe& keyframe) {
+  Detections left;
+  {
+    ScopedStage stage(times_, "detect lines");
+    left = right_detector_.Detect(frame.left, rectifier_.left_mask(), {0, true, LineScore()});
+  }
+  ScopedStage stage(times_, "match lines");
+  line_builder_.SetLines(left, right, keyframe);
 }
 
 std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
@@ -286,6 +304,11 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
   std::vector<LandmarkId> from_motion;
   if (is_placed) from_motion = builder_.AddMotionLandmarks(view, keyframe);
   added.insert(added.end(), from_motion.begin(), from_motion.end());
+  LineChanges lines;
+  if (UsesLines()) {
+    ScopedStage stage(times_, "match lines");
+    lines = line_builder_.FindLandmarks(keyframe);
+  }
   for (int index : draft.redefining) {
     map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
   }
@@ -294,23 +317,29 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
   record.reference_from_cam = {};
   motion_.MoveTo(keyframe.id);
   if (inertial_ != nullptr) inertial_->FillKeyframe(keyframe);
-  if (recorder_ != nullptr) {
-    std::vector<Landmark> landmarks;
-    for (LandmarkId id : added) landmarks.push_back(map_.map().landmarks.at(id));
-    recorder_->AddKeyframe(keyframe, std::move(landmarks));
-    if (!from_motion.empty()) {
-      const Keyframe& last = map_.last();
-      recorder_->Apply({.world_from_cam = {},
-                        .landmarks = {},
-                        .keyframe_landmarks = {{last.id, last.landmarks}},
-                        .removed_landmarks = {}});
-    }
-  }
+  if (recorder_ != nullptr) Record(keyframe, added, !from_motion.empty(), lines);
   map_.AddKeyframe(std::move(keyframe), view.image);
   BundleJob job = map_.MakeBundleJob();
   if (inertial_ != nullptr) inertial_->AddTo(job, map_.map());
   bundle_worker_.Submit(std::move(job));
   bundle_due_ = frame.index + options_.local_map.lag_frames;
+}
+
+void Odometry::Record(const Keyframe& keyframe, std::span<const LandmarkId> added,
+                      bool last_sees_more, const LineChanges& lines) {
+  const Map& map = map_.map();
+  std::vector<Landmark> landmarks;
+  for (LandmarkId id : added) landmarks.push_back(map.landmarks.at(id));
+  std::vector<LineLandmark> line_landmarks;
+  for (LandmarkId id : lines.added) line_landmarks.push_back(map.line_landmarks.at(id));
+  // A line's first keyframe may be an earlier one, which then sees it too.
+  recorder_->AddKeyframe(keyframe, std::move(landmarks), std::move(line_landmarks));
+  MapWriter::Update update;
+  if (last_sees_more) update.keyframe_landmarks = {{map_.last().id, map_.last().landmarks}};
+  for (KeyframeId id : lines.observed) {
+    update.keyframe_line_landmarks.emplace_back(id, map.keyframes.at(id).line_landmarks);
+  }
+  if (last_sees_more || !lines.observed.empty()) recorder_->Apply(std::move(update));
 }
 
 void Odometry::TakeBundle() {

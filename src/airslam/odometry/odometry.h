@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "airslam/odometry/frame_tracker.h"
 #include "airslam/odometry/inertial_odometry.h"
 #include "airslam/odometry/keyframe_builder.h"
+#include "airslam/odometry/line_builder.h"
 #include "airslam/odometry/local_map.h"
 #include "airslam/odometry/map_recorder.h"
 #include "airslam/odometry/motion_model.h"
@@ -28,16 +30,17 @@ namespace airslam {
 struct PreparedFrame {
   int index = 0;
   std::int64_t timestamp_ns = 0;
-  cv::Mat left;       // rectified; empty when the frame was skipped
+  cv::Mat left;  // rectified; empty when the frame was skipped
   cv::Mat right_raw;
   Detections features;
   std::string problem;  // why it was skipped
 };
 
 // Stereo visual odometry, one frame at a time: tracks it against the last keyframe, makes
-// keyframes, and hands them to local bundle adjustment. When lost it tries the last keyframes and
-// then starts a new component. With an inertial side, the IMU predicts the frames and carries those
-// that vision loses. The same frames give the same result, bit by bit.
+// keyframes, with lines if the detector finds them, and hands them to local bundle adjustment. When
+// lost it tries the last keyframes and then starts a new component. With an inertial side, the IMU
+// predicts the frames and carries those that vision loses. The same frames give the same result,
+// bit by bit.
 class Odometry {
  public:
   // What it works with. `recorder` and `inertial` may be null. The references must outlive it.
@@ -83,7 +86,14 @@ class Odometry {
   VisualPose ToVisualPose(const TrackedFrame& tracked) const;
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
   bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
+  // Whether keyframes get lines.
+  bool UsesLines() const { return options_.lines.enabled && right_detector_.finds_lines(); }
+  float LineScore() const { return static_cast<float>(options_.lines.min_score); }
   void MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
+  void DetectLines(const PreparedFrame& frame, const Detections& right, Keyframe& keyframe);
+  // Commits a keyframe that is not in the map yet, and what it changed there.
+  void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more,
+              const LineChanges& lines);
   void InsertKeyframe(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
                       FrameRecord& record);
   void TakeBundle();
@@ -99,6 +109,7 @@ class Odometry {
   LocalMap map_;
   FrameTracker tracker_;
   KeyframeBuilder builder_;
+  LineBuilder line_builder_;
   MotionModel motion_;
   std::vector<FrameRecord> records_;
   int component_ = -1;

@@ -44,6 +44,16 @@ void OdometryOptions::Validate() const {
   RequireRange("inertial.max_acceleration", inertial.max_acceleration, 1.0, 1e6);
   RequireRange("inertial.max_blackout", inertial.max_blackout, 0.0, 60.0);
   RequireRange("inertial.max_position_sigma", inertial.max_position_sigma, 0.001, 1000.0);
+  RequireRange("lines.min_score", lines.min_score, 0.0, 1.0);
+  RequireRange("lines.min_length", lines.min_length, 1.0, 10000.0);
+  RequireRange("lines.min_match_score", lines.min_match_score, 0.0, 1.0);
+  RequireRange("lines.min_shared_points", lines.min_shared_points, 0, 1000);
+  RequireRange("lines.pixel_sigma", lines.pixel_sigma, 0.01, 100.0);
+  RequireRange("lines.max_end_error", lines.max_end_error, 0.1, 1000.0);
+  RequireRange("lines.max_length", lines.max_length, 0.1, 10000.0);
+  RequireRange("lines.max_depth", lines.max_depth, 0.2, 10000.0);
+  RequireRange("lines.max_depth_error", lines.max_depth_error, 0.001, 100.0);
+  RequireRange("lines.patience", lines.patience, 1, 100000);
 }
 
 }  // namespace airslam

@@ -5,6 +5,7 @@
 #include "airslam/feature/patch_alignment.h"
 #include "airslam/feature/stereo_matching.h"
 #include "airslam/odometry/inertial_options.h"
+#include "airslam/odometry/line_options.h"
 #include "airslam/optimize/bundle.h"
 #include "airslam/optimize/pose_optimization.h"
 
@@ -96,8 +97,8 @@ struct RecoveryOptions {
   // Points that a recovered pose needs, both as PnP inliers and as aligned patches, >= 6.
   int min_inliers = 25;
   // Share, in [0, 1], of the image cells (64 x 64 pixels) with landmarks of the keyframe in sight
-  // under a recovered pose in which points must be found: a wrong pose may please many matches on one
-  // checkerboard, but not the image around it.
+  // under a recovered pose in which points must be found: a wrong pose may please many matches on
+  // one checkerboard, but not the image around it.
   double min_found_share = 0.2;
   // After this many lost frames a new component is started, >= 1.
   int lost_frames = 3;
@@ -123,6 +124,7 @@ struct OdometryOptions {
   LocalMapOptions local_map;
   RecoveryOptions recovery;
   InertialOptions inertial;
+  LineOptions lines;
 
   template <class V>
   void Visit(V& v) {
@@ -132,6 +134,7 @@ struct OdometryOptions {
     v.Group("local_map", local_map);
     v.Group("recovery", recovery);
     v.Group("inertial", inertial);
+    v.Group("lines", lines);
   }
 
   // Throws Error that names the first field out of its range.

@@ -4,8 +4,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <set>
 #include <stdexcept>
 
@@ -47,12 +50,13 @@ class BrokenDetector : public FeatureDetector {
   int descriptor_size() const override { return 64; }
 };
 
-PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr) {
+PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
+                     bool detector_finds_lines = false, const OdometryOptions& options = {}) {
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right;
+  SyntheticDetector left, right({.lines = detector_finds_lines});
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, {}, {left, right, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
 }
 
 SyntheticSequenceOptions Options(int frames) {
@@ -135,6 +139,81 @@ TEST(Pipeline, TheRecordedMapIsTheMapInMemory) {
     EXPECT_EQ(map.landmarks.at(id).point_in_world, landmark.point_in_world);
   }
   std::filesystem::remove(file);
+}
+
+// How far line landmarks that two keyframes or more see miss what is really there: difference of
+// distances from the first of these keyframes to the middle of the line, as shares of the distance.
+std::vector<double> LineErrors(const PipelineResult& result, const SyntheticSequence& sequence) {
+  std::map<LandmarkId, int> seen;
+  for (const auto& [id, keyframe] : result.map.keyframes) {
+    for (LandmarkId line : keyframe.line_landmarks) seen[line] += line != kNoLandmark;
+  }
+  const Rigid3 truth_from_world = sequence.ground_truth()[0].world_from_body *
+                                  FinalTrajectory(result, 0)[0].world_from_body.Inverse();
+  std::vector<double> errors;
+  for (const auto& [id, line] : result.map.line_landmarks) {
+    if (seen[id] < 2) continue;
+    const Keyframe& first = result.map.keyframes.at(line.first_seen_by);
+    const Eigen::Vector3d eye = truth_from_world * first.world_from_cam.translation;
+    const Eigen::Vector3d middle =
+        truth_from_world * Eigen::Vector3d((line.ends_in_world.start + line.ends_in_world.end) / 2);
+    const double distance = (middle - eye).norm();
+    const auto hit = sequence.world().Cast(eye, (middle - eye) / distance);
+    errors.push_back(std::abs(hit->distance / distance - 1));
+  }
+  std::sort(errors.begin(), errors.end());
+  return errors;
+}
+
+TEST(Pipeline, MapsLinesWhereTheyAre) {
+  SyntheticSequenceOptions synthetic = Options(24);
+  synthetic.rig = EurocLikeRig(560, 364);
+  const SyntheticSequence sequence(synthetic);
+  const PipelineResult result = RunOn(sequence, nullptr, true);
+  EXPECT_LT(PositionError(FinalTrajectory(result, 0), sequence.ground_truth()), 0.05);
+  for (const auto& [id, keyframe] : result.map.keyframes) {
+    EXPECT_GT(keyframe.lines.size(), 5u);
+    ASSERT_EQ(keyframe.line_landmarks.size(), keyframe.lines.size());
+    for (LandmarkId line : keyframe.line_landmarks) {
+      EXPECT_TRUE(line == kNoLandmark || result.map.line_landmarks.contains(line));
+    }
+  }
+  const std::vector<double> errors = LineErrors(result, sequence);
+  ASSERT_GT(errors.size(), 5u);
+  EXPECT_LT(errors[errors.size() / 2], 0.02) << errors.size();
+  EXPECT_LT(errors[errors.size() * 8 / 10], 0.1) << errors.size();
+}
+
+TEST(Pipeline, WithLinesItRepeatsAndWithoutItIsAsIfThereWereNone) {
+  const SyntheticSequence sequence(Options(15));
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) /
+                                       ("airslam_pipeline_lines_" + std::to_string(getpid()));
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  const auto digest = [&](const char* name, bool finds_lines, bool enabled) {
+    const StereoRectifier rectifier(sequence.rig());
+    StageTimes times;
+    MapRecorder recorder(folder / name, MakeMapCalibration(sequence.rig(), rectifier), "stand-in",
+                         std::string(64, '0'), times);
+    OdometryOptions options;
+    options.lines.enabled = enabled;
+    const PipelineResult result = RunOn(sequence, &recorder, finds_lines, options);
+    const Map read = ReadMap(folder / name);  // what was recorded is what is in memory
+    EXPECT_EQ(read.line_landmarks.size(), result.map.line_landmarks.size());
+    for (const auto& [id, line] : result.map.line_landmarks) {
+      EXPECT_EQ(read.line_landmarks.at(id).ends_in_world.end, line.ends_in_world.end);
+    }
+    for (const auto& [id, keyframe] : result.map.keyframes) {
+      EXPECT_EQ(read.keyframes.at(id).line_landmarks, keyframe.line_landmarks);
+    }
+    return MapDigest(folder / name);
+  };
+  const std::string with = digest("a.db", true, true);
+  EXPECT_EQ(digest("b.db", true, true), with);
+  const std::string without = digest("c.db", false, true);
+  EXPECT_NE(without, with);
+  EXPECT_EQ(digest("d.db", true, false), without);
+  std::filesystem::remove_all(folder);
 }
 
 TEST(Pipeline, SkipsABrokenFrame) {

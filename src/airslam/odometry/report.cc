@@ -94,11 +94,30 @@ nlohmann::json InertialReport(const InertialSummary& inertial) {
   return json;
 }
 
+// How many lines the keyframes have, and how many of them were found in the right image and see a
+// line of the map.
+nlohmann::json LineReport(const Map& map) {
+  std::int64_t detected = 0, stereo = 0, observations = 0, junctions = 0;
+  for (const auto& [id, keyframe] : map.keyframes) {
+    detected += std::ssize(keyframe.lines);
+    junctions += std::ssize(keyframe.junctions);
+    stereo += std::count_if(keyframe.right_lines.begin(), keyframe.right_lines.end(),
+                            [](const LineSegment& line) { return line.score >= 0; });
+    observations += std::count_if(keyframe.line_landmarks.begin(), keyframe.line_landmarks.end(),
+                                  [](LandmarkId line) { return line != kNoLandmark; });
+  }
+  return {{"detected", detected},
+          {"junctions", junctions},
+          {"stereo_matched", stereo},
+          {"observations", observations},
+          {"landmarks", map.line_landmarks.size()}};
+}
+
 nlohmann::json StageTable(const StageTimes& times) {
   nlohmann::json stages = nlohmann::json::object();
   for (const auto& [name, s] : times.Summarize()) {
-    stages[name] = {{"count", s.count},         {"mean_ms", s.mean_ms}, {"median_ms", s.median_ms},
-                    {"p95_ms", s.p95_ms},       {"max_ms", s.max_ms},   {"total_ms", s.total_ms}};
+    stages[name] = {{"count", s.count},   {"mean_ms", s.mean_ms}, {"median_ms", s.median_ms},
+                    {"p95_ms", s.p95_ms}, {"max_ms", s.max_ms},   {"total_ms", s.total_ms}};
   }
   return stages;
 }
@@ -178,6 +197,7 @@ nlohmann::json MakeReport(const PipelineResult& result, const StageTimes& times,
       info.wall_seconds > 0 ? static_cast<double>(records.size()) / info.wall_seconds : 0.0;
   report["keyframes"] = result.map.keyframes.size();
   report["landmarks"] = result.map.landmarks.size();
+  report["lines"] = LineReport(result.map);
   report["components"] = components;
   report["inertial"] = InertialReport(result.inertial);
   report["lost_intervals"] = LostIntervals(records);

@@ -25,6 +25,11 @@ MapWriter::Update TurnComponent(const Eigen::Quaterniond& turned_from_world, int
     landmark.point_in_world = turn * landmark.point_in_world;
     update.landmarks.push_back(landmark);
   }
+  for (auto& [id, line] : map.line_landmarks) {
+    if (map.keyframes.at(line.first_seen_by).component != component) continue;
+    line.ends_in_world = {turn * line.ends_in_world.start, turn * line.ends_in_world.end};
+    update.line_landmarks.push_back(line);
+  }
   for (FrameRecord& record : records) {
     if (record.component != component) continue;
     record.online_world_from_cam = turn * record.online_world_from_cam;

@@ -14,8 +14,8 @@ namespace airslam {
 // The smallest rotation after which gravity points along -z.
 Eigen::Quaterniond UprightFromWorld(const Eigen::Vector3d& gravity_in_world);
 
-// Turns the world of a component about its origin: keyframes with their velocities, landmarks, and
-// the frames as first estimated. Returns what changed in the map.
+// Turns the world of a component about its origin: keyframes with their velocities, points, lines,
+// and the frames as first estimated. Returns what changed in the map.
 MapWriter::Update TurnComponent(const Eigen::Quaterniond& turned_from_world, int component,
                                 Map& map, std::span<FrameRecord> records);
 

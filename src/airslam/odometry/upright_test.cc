@@ -29,6 +29,7 @@ TEST(TurnComponent, TurnsAllOfItAndNothingElse) {
     keyframe.gyroscope_bias = {7, 8, 9};
     map.keyframes[i] = keyframe;
     map.landmarks[i] = {i, {1, 1, 1}, i};
+    map.line_landmarks[i] = {i, {{1, 0, 0}, {2, 3, 4}}, i};
     records[i].component = i;
     records[i].online_world_from_cam = keyframe.world_from_cam;
     records[i].reference_from_cam.translation = {1, 0, 0};
@@ -47,6 +48,13 @@ TEST(TurnComponent, TurnsAllOfItAndNothingElse) {
   EXPECT_EQ(map.keyframes[0].world_from_cam.ToMatrix(),
             before.keyframes.at(0).world_from_cam.ToMatrix());
   EXPECT_EQ(map.landmarks[0].point_in_world, Eigen::Vector3d(1, 1, 1));
+
+  const SpaceSegment& line = map.line_landmarks[1].ends_in_world;
+  EXPECT_LT((line.start - turn * Eigen::Vector3d(1, 0, 0)).norm(), 1e-12);
+  EXPECT_LT((line.end - turn * Eigen::Vector3d(2, 3, 4)).norm(), 1e-12);
+  EXPECT_EQ(map.line_landmarks[0].ends_in_world.end, Eigen::Vector3d(2, 3, 4));
+  ASSERT_EQ(update.line_landmarks.size(), 1u);
+  EXPECT_EQ(update.line_landmarks[0].ends_in_world.end, line.end);
 
   ASSERT_EQ(update.world_from_cam.size(), 1u);
   EXPECT_EQ(update.world_from_cam[0].first, 1);

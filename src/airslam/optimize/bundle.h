@@ -6,6 +6,7 @@
 #include "airslam/geometry/pinhole.h"
 #include "airslam/geometry/rigid3.h"
 #include "airslam/optimize/inertial_bundle.h"
+#include "airslam/optimize/line_factor.h"
 #include "airslam/optimize/point_factor.h"
 
 namespace airslam {
@@ -17,32 +18,42 @@ struct BundleOptions {
   double max_error = 3.5;     // in sigmas, of the pixel distance: beyond it an outlier
 };
 
-// Keyframe poses, points, observations and inertial states by position in these lists; solved in
-// place.
+// Keyframe poses, points, lines, observations and inertial states by position in these lists;
+// solved in place.
 struct BundleProblem {
   struct Observation {
     int pose = -1;
     int point = -1;
     PointObservation seen;
   };
+  struct LineSeen {
+    int pose = -1;
+    int line = -1;
+    LineObservation seen;
+  };
   StereoCamera stereo;
   std::vector<Rigid3> world_from_cam;
   std::vector<bool> pose_fixed;  // one a pose; at least one must be
   std::vector<Eigen::Vector3d> points_in_world;
   std::vector<Observation> observations;
+  std::vector<PluckerLine> lines_in_world = {};
+  std::vector<LineSeen> line_observations = {};
   InertialTerms inertial = {};
 };
 
 struct BundleSummary {
-  std::vector<bool> outlier;  // one an observation
+  std::vector<bool> outlier;       // one an observation
+  std::vector<bool> line_outlier;  // one a line observation
   int iterations = 0;
-  double initial_rms = 0;  // pixels in sigmas, of all observations
+  double initial_rms = 0;  // pixels in sigmas, of all observations of points
   double final_rms = 0;    // of the inliers
+  double line_rms = 0;     // the same of line ends' distances
 };
 
 // Bundle adjustment (paper, section V-D): Levenberg-Marquardt with the Schur complement, outliers
 // rejected half-way. A pure function: fixed iteration counts, one thread, no time limit. `rms` is
-// per pixel coordinate.
+// per pixel coordinate. An observation of a line is an outlier when its ends lie too far from the
+// projected line, or when the stretch that it shows would lie behind a camera.
 BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem);
 
 }  // namespace airslam

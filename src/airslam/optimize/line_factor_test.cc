@@ -234,7 +234,7 @@ Errors Compare(const Scene& scene, const Estimate& estimate) {
     errors.angle = std::max(errors.angle, error.Angle());
   }
   for (std::size_t j = 0; j < scene.in_world.size(); ++j) {
-    const PluckerLine line = FromParameter(estimate.lines[j]);
+    const PluckerLine line = LineFromParameter(estimate.lines[j]);
     const SpaceSegment& truth = scene.in_world[j];
     errors.line += std::max(line.Distance(truth.start), line.Distance(truth.end)) /
                    static_cast<double>(scene.in_world.size());

@@ -28,7 +28,7 @@ LineParameter ToParameter(const PluckerLine& line) {
   return {o.u.x(), o.u.y(), o.u.z(), o.u.w(), o.w.x(), o.w.y()};
 }
 
-PluckerLine FromParameter(const LineParameter& p) {
+PluckerLine LineFromParameter(const LineParameter& p) {
   OrthonormalLine line{Eigen::Quaterniond(p[3], p[0], p[1], p[2]), {p[4], p[5]}};
   constexpr double kMinInfinity = 1e-9;
   if (std::abs(line.w.y()) < kMinInfinity) line.w.y() = std::copysign(kMinInfinity, line.w.y());

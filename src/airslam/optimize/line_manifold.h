@@ -17,7 +17,7 @@ using LineParameter = std::array<double, 6>;
 LineParameter ToParameter(const PluckerLine& line);
 
 // A line that an optimizer has carried to infinity comes back with a moment of 1e9 metres.
-PluckerLine FromParameter(const LineParameter& parameter);
+PluckerLine LineFromParameter(const LineParameter& parameter);
 
 // SO(3) x SO(2): 6 parameters, 4 degrees of freedom (paper, section V-C, "3D Line Representation";
 // Bartoli and Sturm, "Structure-from-motion using lines", CVIU 2005): U <- U Exp(a, b, c),

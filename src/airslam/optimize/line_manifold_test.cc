@@ -57,7 +57,7 @@ TEST(LineManifold, PlusStaysALine) {
   }
   EXPECT_NEAR(Eigen::Map<Eigen::Vector4d>(x.data()).norm(), 1, 1e-12);
   EXPECT_NEAR(Eigen::Map<Eigen::Vector2d>(x.data() + 4).norm(), 1, 1e-12);
-  const PluckerLine line = FromParameter(x);
+  const PluckerLine line = LineFromParameter(x);
   EXPECT_NEAR(line.v.norm(), 1, 1e-12);
   EXPECT_NEAR(line.v.dot(line.n.normalized()), 0, 1e-12);
 }
@@ -73,23 +73,23 @@ TEST(LineManifold, TheStepsMoveTheLineAsTheHeaderSays) {
     LineParameter moved;
     ASSERT_TRUE(manifold.Plus(x.data(), delta, moved.data()));
     const PluckerLine expected = Rigid3(ExpSO3(0.3 * axes[k]), Eigen::Vector3d::Zero()) * line;
-    EXPECT_LT((FromParameter(moved).n - expected.n).norm(), 1e-12) << k;
-    EXPECT_LT((FromParameter(moved).v - expected.v).norm(), 1e-12) << k;
+    EXPECT_LT((LineFromParameter(moved).n - expected.n).norm(), 1e-12) << k;
+    EXPECT_LT((LineFromParameter(moved).v - expected.v).norm(), 1e-12) << k;
   }
   // (w1, w2) = (2, 1) / sqrt(5) turned by the angle between (2, 1) and (1, 1): distance 1.
   const double delta[] = {0, 0, 0, std::atan2(1, 1) - std::atan2(1, 2)};
   LineParameter moved;
   ASSERT_TRUE(manifold.Plus(x.data(), delta, moved.data()));
-  EXPECT_LT((FromParameter(moved).n - 0.5 * line.n).norm(), 1e-12);
-  EXPECT_LT((FromParameter(moved).v - line.v).norm(), 1e-12);
+  EXPECT_LT((LineFromParameter(moved).n - 0.5 * line.n).norm(), 1e-12);
+  EXPECT_LT((LineFromParameter(moved).v - line.v).norm(), 1e-12);
 }
 
 TEST(LineManifold, ParametersAndBack) {
   const PluckerLine line = PluckerLine::FromPoints({1, 2, 3}, {-2, 0.5, 7}).value();
-  const PluckerLine again = FromParameter(ToParameter(line));
+  const PluckerLine again = LineFromParameter(ToParameter(line));
   EXPECT_LT((again.n - line.n).norm(), 1e-12);
   EXPECT_LT((again.v - line.v).norm(), 1e-12);
-  const PluckerLine far = FromParameter({0, 0, 0, 1, 1, 0});  // at infinity
+  const PluckerLine far = LineFromParameter({0, 0, 0, 1, 1, 0});  // at infinity
   EXPECT_TRUE(far.n.allFinite());
   EXPECT_GT(far.n.norm(), 1e8);
 }

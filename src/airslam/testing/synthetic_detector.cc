@@ -35,11 +35,29 @@ Eigen::Matrix<float, 1, kPatch * kPatch> Describe(const cv::Mat& smooth, const K
 
 }  // namespace
 
+// Each segment has two junctions of its own, described alike.
+void SyntheticDetector::DetectLines(const cv::Mat& image, Detections& detections) const {
+  std::vector<cv::Vec4f> segments;
+  cv::createLineSegmentDetector()->detect(image, segments);
+  for (const cv::Vec4f& s : segments) {
+    if (std::hypot(s[2] - s[0], s[3] - s[1]) < options_.min_line) continue;
+    const int first = static_cast<int>(detections.junctions.size());
+    detections.lines.push_back({s[0], s[1], s[2], s[3], 1});
+    detections.line_ends.push_back({first, first + 1});
+    detections.junctions.push_back({s[0], s[1], 1});
+    detections.junctions.push_back({s[2], s[3], 1});
+  }
+  const float component = 1 / std::sqrt(static_cast<float>(descriptor_size()));
+  detections.junction_descriptors = DescriptorMatrix::Constant(
+      static_cast<Eigen::Index>(detections.junctions.size()), descriptor_size(), component);
+}
+
 Detections SyntheticDetector::Detect(const cv::Mat& image, const cv::Mat& mask,
                                      const DetectionRequest& request) {
   const int max_keypoints = request.max_keypoints;
   const auto border = static_cast<int>(std::ceil(kBorder)) + 1;
   Detections detections;
+  if (request.lines && options_.lines) DetectLines(image, detections);
   detections.descriptors.resize(0, descriptor_size());
   if (max_keypoints <= 0 || image.cols <= 2 * border || image.rows <= 2 * border) return detections;
   cv::Mat inside = cv::Mat::zeros(image.size(), CV_8UC1);

@@ -6,14 +6,17 @@
 
 namespace airslam {
 
-// A stand-in for PLNet in tests, without a network: Shi-Tomasi corners at sub-pixel positions with
-// the normalised 8 x 8 patch around each as descriptor (mean removed, unit length, so that gain
-// and offset of the light do not matter). Good for the small turns of a sequence, deterministic.
+// A stand-in for PLNet in tests, without a network: OpenCV's line segments and Shi-Tomasi corners
+// at sub-pixel positions with the normalised 8 x 8 patch around each as descriptor (mean removed,
+// unit length, so that gain and offset of the light do not matter). Good for the small turns of a
+// sequence, deterministic.
 class SyntheticDetector : public FeatureDetector {
  public:
   struct Options {
     double quality = 0.005;   // a corner's strength relative to the image's strongest
     double min_distance = 7;  // pixels between corners
+    bool lines = false;       // whether lines are found when they are asked for
+    double min_line = 25;     // pixels: shorter ones are left out
   };
 
   SyntheticDetector() = default;
@@ -22,8 +25,11 @@ class SyntheticDetector : public FeatureDetector {
   Detections Detect(const cv::Mat& image, const cv::Mat& mask,
                     const DetectionRequest& request) override;
   int descriptor_size() const override { return 64; }
+  bool finds_lines() const override { return options_.lines; }
 
  private:
+  void DetectLines(const cv::Mat& image, Detections& detections) const;
+
   Options options_;
 };
 
