@@ -58,7 +58,7 @@ class LocalLinesTest : public ::testing::Test {
     return update;
   }
 
-  LineOptions options_{.patience = 2};
+  LineOptions options_{.pixel_sigma = 0.5, .patience = 2};
   Map map_;
   LocalLines lines_{options_, map_};
   std::vector<KeyframeId> window_;
