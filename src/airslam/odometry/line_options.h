@@ -17,9 +17,8 @@ struct LineOptions {
   double min_match_score = 0.3;
   // and more points than this, >= 0.
   int min_shared_points = 1;
-  // Standard deviation of an end point across its line in pixels, > 0. One end lies within 0.3 to 0.4
-  // of the line, but its error returns in the next keyframe and does not average out
-  // (docs/odometry.md).
+  // Standard deviation of an end point across its line in pixels, > 0. More than the 0.3 to 0.4 that
+  // one end misses its line by: with 0.5 lines outweighed better points (docs/odometry.md).
   double pixel_sigma = 1.0;
   // Pixels, > 0: a line of the map whose image misses the ends of a matched line by more is another
   // one.
