@@ -32,9 +32,11 @@ std::vector<T> DecodeArray(std::span<const std::byte> blob) {
 
 template Bytes EncodeArray(std::span<const float>);
 template Bytes EncodeArray(std::span<const double>);
+template Bytes EncodeArray(std::span<const std::uint16_t>);
 template Bytes EncodeArray(std::span<const std::int64_t>);
 template std::vector<float> DecodeArray(std::span<const std::byte>);
 template std::vector<double> DecodeArray(std::span<const std::byte>);
+template std::vector<std::uint16_t> DecodeArray(std::span<const std::byte>);
 template std::vector<std::int64_t> DecodeArray(std::span<const std::byte>);
 
 Bytes EncodeKeypoints(std::span<const Keypoint> keypoints) { return EncodeArray(keypoints); }

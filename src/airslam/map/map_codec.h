@@ -15,8 +15,8 @@ namespace airslam {
 
 using Bytes = std::vector<std::byte>;
 
-// Array of float32, int64 or float64. Decoding throws Error when the size is not a whole number of
-// elements.
+// Array of float32, float64, uint16 or int64. Decoding throws Error when the size is not a whole
+// number of elements.
 template <class T>
 Bytes EncodeArray(std::span<const T> values);
 template <class T>

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "airslam/common/error.h"
+#include "airslam/common/sha256.h"
 #include "airslam/map/map_codec.h"
 #include "airslam/map/map_schema.h"
 #include "airslam/map/sqlite.h"
@@ -335,6 +336,44 @@ void MapWriter::Apply(const Update& update) {
     impl_->UpdateKeyframes(update);
     impl_->UpdatePoints(update);
     impl_->UpdateLines(update);
+  });
+}
+
+void MapWriter::WritePlaceRecord(const PlaceRecord& record) {
+  impl_->Transact([&] {
+    impl_->database->Execute(kPlaceSchema);
+    SqliteStatement vocabulary(*impl_->database, "INSERT INTO vocabulary VALUES (?1,?2,?3)");
+    vocabulary.Bind(1, std::string_view("keypoints"));
+    vocabulary.Bind(2, std::string_view(record.vocabulary_sha256));
+    vocabulary.Run();
+    if (!record.junction_vocabulary.empty()) {
+      Sha256 sha;
+      sha.Update(record.junction_vocabulary.data(), record.junction_vocabulary.size());
+      const std::string digest = sha.Hex();
+      vocabulary.Bind(1, std::string_view("junctions"));
+      vocabulary.Bind(2, std::string_view(digest));
+      vocabulary.Bind(3, record.junction_vocabulary);
+      vocabulary.Run();
+    }
+    SqliteStatement words(*impl_->database, "INSERT INTO bag_of_words VALUES (?1,?2,?3)");
+    for (const auto& [id, of_keyframe] : record.words) {
+      const Bytes keypoints = EncodeArray<std::uint16_t>(of_keyframe.keypoints);
+      const Bytes junctions = EncodeArray<std::uint16_t>(of_keyframe.junctions);
+      words.Bind(1, std::int64_t{id});
+      words.Bind(2, keypoints);
+      if (!junctions.empty()) words.Bind(3, junctions);
+      words.Run();
+    }
+    SqliteStatement shared(*impl_->database, "INSERT INTO covisibility VALUES (?1,?2,?3)");
+    for (const auto& [a, neighbours] : record.covisibility) {
+      for (const auto& [b, count] : neighbours) {
+        if (b <= a) continue;
+        shared.Bind(1, std::int64_t{a});
+        shared.Bind(2, std::int64_t{b});
+        shared.Bind(3, std::int64_t{count});
+        shared.Run();
+      }
+    }
   });
 }
 

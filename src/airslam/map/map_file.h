@@ -3,12 +3,14 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "airslam/map/map.h"
+#include "airslam/map/place_record.h"
 
 namespace airslam {
 
@@ -56,6 +58,9 @@ class MapWriter {
   };
   void Apply(const Update& update);
 
+  // Commits what place recognition keeps, in place of an earlier record.
+  void WritePlaceRecord(const PlaceRecord& record);
+
   // Folds the write-ahead log into the file and closes it.
   void Close();
 
@@ -72,6 +77,9 @@ Map ReadMap(const std::filesystem::path& file);
 
 // The version of the format of a file that ReadMap reads.
 int ReadMapVersion(const std::filesystem::path& file);
+
+// The place record of a map; nothing when none was written. Throws Error as ReadMap does.
+std::optional<PlaceRecord> ReadPlaceRecord(const std::filesystem::path& file);
 
 // SHA-256 over the content (table rows in order of their keys), not over SQLite's bytes: equal for
 // two runs that made the same map.

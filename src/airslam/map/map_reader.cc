@@ -267,6 +267,41 @@ void ForgetRemovedLandmarks(Map& map) {
   }
 }
 
+bool HasTable(SqliteDatabase& database, const char* name) {
+  return database.QueryInteger(fmt::format(
+             "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = '{}'", name)) > 0;
+}
+
+PlaceRecord ReadPlaceTables(SqliteDatabase& database) {
+  PlaceRecord record;
+  SqliteStatement vocabulary(database, "SELECT kind, sha256, content FROM vocabulary");
+  while (vocabulary.Step()) {
+    if (vocabulary.Text(0) == "keypoints") {
+      record.vocabulary_sha256 = vocabulary.Text(1);
+    } else {
+      const auto content = vocabulary.Blob(2);
+      record.junction_vocabulary.assign(content.begin(), content.end());
+    }
+  }
+  SqliteStatement words(database,
+                        "SELECT keyframe_id, keypoint_words, junction_words FROM bag_of_words");
+  while (words.Step()) {
+    record.words[Int32(words, 0)] = {DecodeArray<std::uint16_t>(words.Blob(1)),
+                                     DecodeArray<std::uint16_t>(words.Blob(2))};
+  }
+  SqliteStatement id(database, "SELECT id FROM keyframes");
+  while (id.Step()) record.covisibility[Int32(id, 0)] = {};
+  SqliteStatement shared(database, "SELECT keyframe_a, keyframe_b, shared FROM covisibility");
+  while (shared.Step()) {
+    const KeyframeId a = Int32(shared, 0), b = Int32(shared, 1);
+    if (!record.covisibility.contains(a) || !record.covisibility.contains(b)) {
+      Fail("the co-visibility of keyframes {} and {} is not of this map", a, b);
+    }
+    record.covisibility[a][b] = record.covisibility[b][a] = Int32(shared, 2);
+  }
+  return record;
+}
+
 // SQLite reads what is missing of the last page as zeros. A file without a write-ahead log must
 // have all its pages.
 void RequireWholePages(OpenMap& map, const fs::path& file) {
@@ -354,16 +389,28 @@ int ReadMapVersion(const fs::path& file) {
       file, [](SqliteDatabase&, std::int64_t version) { return static_cast<int>(version); });
 }
 
+std::optional<PlaceRecord> ReadPlaceRecord(const fs::path& file) {
+  return ReadChecked(file,
+                     [](SqliteDatabase& database, std::int64_t) -> std::optional<PlaceRecord> {
+                       if (!HasTable(database, "bag_of_words")) return std::nullopt;
+                       return ReadPlaceTables(database);
+                     });
+}
+
 std::string MapDigest(const fs::path& file) {
   return ReadChecked(file, [](SqliteDatabase& database, std::int64_t version) {
     Sha256 sha;
-    for (const MapTable& table : MapTables(version)) {
+    const auto add = [&](const MapTable& table) {
       sha.Update(table.name);
       SqliteStatement row(database,
                           fmt::format("SELECT * FROM {} ORDER BY {}", table.name, table.key));
       while (row.Step()) {
         for (int column = 0; column < row.columns(); ++column) UpdateDigest(sha, row, column);
       }
+    };
+    for (const MapTable& table : MapTables(version)) add(table);
+    for (const MapTable& table : kPlaceTables) {
+      if (HasTable(database, table.name)) add(table);
     }
     return sha.Hex();
   });

@@ -82,4 +82,33 @@ inline std::span<const MapTable> MapTables(std::int64_t version) {
   return std::span(kMapTables).first(version >= 2 ? 7 : 6);
 }
 
+// What WritePlaceRecord adds; maps without these tables are complete too.
+inline constexpr char kPlaceSchema[] = R"sql(
+CREATE TABLE IF NOT EXISTS vocabulary (
+  kind TEXT PRIMARY KEY CHECK (kind IN ('keypoints', 'junctions')),
+  sha256 TEXT NOT NULL,
+  content BLOB
+) STRICT;
+CREATE TABLE IF NOT EXISTS bag_of_words (
+  keyframe_id INTEGER PRIMARY KEY REFERENCES keyframes (id),
+  keypoint_words BLOB NOT NULL,
+  junction_words BLOB
+) STRICT;
+CREATE TABLE IF NOT EXISTS covisibility (
+  keyframe_a INTEGER NOT NULL REFERENCES keyframes (id),
+  keyframe_b INTEGER NOT NULL REFERENCES keyframes (id),
+  shared INTEGER NOT NULL CHECK (shared > 0),
+  PRIMARY KEY (keyframe_a, keyframe_b), CHECK (keyframe_a < keyframe_b)
+) STRICT, WITHOUT ROWID;
+DELETE FROM vocabulary;
+DELETE FROM bag_of_words;
+DELETE FROM covisibility;
+)sql";
+
+// These tables in the order in which the digest takes them, where they exist.
+inline constexpr std::array<MapTable, 3> kPlaceTables = {
+    {{"vocabulary", "kind"},
+     {"bag_of_words", "keyframe_id"},
+     {"covisibility", "keyframe_a, keyframe_b"}}};
+
 }  // namespace airslam
