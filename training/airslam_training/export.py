@@ -145,6 +145,9 @@ def write_manifest(pack: Path, training: dict, quality: dict) -> None:
     if stages:
         manifest["matcher"] = {"keypoints": MATCHER_POINTS, "threshold": 0.1, "exit_confidence": 0.95,
                                "stages": [file_entry(p) for p in stages]}
+    # Trained by `airslam train-vocabulary` on the descriptors of plnet.onnx; it names that file's digest itself.
+    if (pack / "vocabulary.bin").exists():
+        manifest["vocabulary"] = file_entry(pack / "vocabulary.bin")
     manifest |= {"quality": quality, "training": training}
     (pack / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n")
 

@@ -100,6 +100,16 @@ def test_manifest_states_digests_and_sizes(tmp_path):
     assert entry["sha256"] == hashlib.sha256(b"net").hexdigest() and entry["bytes"] == 3
 
 
+def test_manifest_keeps_a_vocabulary(tmp_path):
+    (tmp_path / "plnet.onnx").write_bytes(b"network")
+    write_manifest(tmp_path, {}, {})
+    assert "vocabulary" not in json.loads((tmp_path / "manifest.json").read_text())
+    (tmp_path / "vocabulary.bin").write_bytes(b"words")
+    write_manifest(tmp_path, {}, {})
+    entry = json.loads((tmp_path / "manifest.json").read_text())["vocabulary"]
+    assert entry["file"] == "vocabulary.bin" and entry["bytes"] == 5
+
+
 def test_shipped_pack_matches_its_manifest():
     if not (PACK / "manifest.json").exists():
         pytest.skip(f"no model pack in {PACK}")

@@ -38,6 +38,8 @@ int RunCommandLine(int argc, char** argv) {
   AddDetectCommand(app);
   AddEvalCommand(app);
   AddDoctorCommand(app);
+  AddTrainVocabularyCommand(app);
+  AddLocalizeCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -90,7 +90,8 @@ TEST(CommandLine, HelpAndVersionAreNoErrors) {
   const TemporaryFolder folder;
   const ProgramResult help = RunProgram(folder.path(), {"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"map", "info", "features", "detect", "eval"}) {
+  for (const char* command :
+       {"map", "info", "features", "detect", "eval", "train-vocabulary", "localize"}) {
     EXPECT_THAT(help.out, HasSubstr(command));
   }
   EXPECT_THAT(RunProgram(folder.path(), {"map", "--help"}).out, HasSubstr("--config"));

@@ -15,5 +15,7 @@ void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
 void AddDoctorCommand(CLI::App& app);
+void AddTrainVocabularyCommand(CLI::App& app);
+void AddLocalizeCommand(CLI::App& app);
 
 }  // namespace airslam

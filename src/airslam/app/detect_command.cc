@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -33,25 +32,9 @@ struct DetectArguments {
   bool draw = false;
 };
 
-bool IsPictureName(const fs::path& file) {
-  static constexpr std::array kEndings = {".bmp", ".jpeg", ".jpg",  ".pgm", ".png",
-                                          ".ppm", ".tif",  ".tiff", ".webp"};
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return std::find(kEndings.begin(), kEndings.end(), ending) != kEndings.end();
-}
-
-// The picture itself, or the pictures of a folder by name.
+// The pictures to look at; no two may have one name for their tables.
 std::vector<fs::path> Pictures(const std::string& input) {
-  std::error_code error;
-  if (!fs::is_directory(input, error)) return {input};
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(input)) {
-    if (entry.is_regular_file() && IsPictureName(entry.path())) files.push_back(entry.path());
-  }
-  if (files.empty()) Fail("{}: no picture in this folder", input);
-  std::sort(files.begin(), files.end());
+  const std::vector<fs::path> files = ListPictures(input);
   std::map<std::string, fs::path> names;
   for (const fs::path& file : files) {
     const auto [first, fresh] = names.emplace(file.stem().string(), file);

@@ -6,14 +6,13 @@
 #include <string>
 
 #include "airslam/app/commands.h"
+#include "airslam/app/make_matcher.h"
 #include "airslam/common/atomic_directory.h"
 #include "airslam/common/log.h"
 #include "airslam/common/options.h"
 #include "airslam/common/progress.h"
 #include "airslam/neural/model_pack.h"
-#include "airslam/neural/nearest_matcher.h"
 #include "airslam/neural/plnet.h"
-#include "airslam/neural/transformer_matcher.h"
 #include "airslam/odometry/pipeline.h"
 #include "airslam/odometry/report.h"
 
@@ -28,14 +27,6 @@ struct MapArguments {
   bool no_imu = false;
   bool no_lines = false;
 };
-
-std::unique_ptr<FeatureMatcher> MakeMatcher(const ModelPack& pack) {
-  if (pack.matcher) {
-    return std::make_unique<TransformerMatcher>(*pack.matcher, pack.features.descriptor_size);
-  }
-  LogWarn("model pack {} has no matcher: mutual nearest neighbours instead", pack.name);
-  return std::make_unique<NearestMatcher>();
-}
 
 // Reports progress and says when tracking is lost and found again.
 class Narrator {

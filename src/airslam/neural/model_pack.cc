@@ -222,6 +222,7 @@ ModelPack ReadModelPack(const std::string& folder) {
   pack.sha256 = FileSha256(file);
   pack.features = ReadFeatures(root.Sub("features"), folder);
   if (manifest.contains("matcher")) pack.matcher = ReadMatcher(root.Sub("matcher"), folder);
+  if (root.Has("vocabulary")) pack.vocabulary = CheckedFile(root.Sub("vocabulary"), folder);
   return pack;
 }
 

@@ -73,6 +73,8 @@ struct ModelPack {
   std::string sha256;  // of manifest.json, and so of the whole pack
   FeatureNetworkSpec features;
   std::optional<MatcherSpec> matcher;
+  // Words for place recognition (place/vocabulary.h), trained on descriptors of `features`.
+  std::optional<PackFile> vocabulary;
 };
 
 // The folder of the pack `name_or_path`: that folder if it exists, else a pack of that name among

@@ -56,6 +56,19 @@ class ModelPackTest : public testing::Test {
   fs::path folder_;
 };
 
+TEST_F(ModelPackTest, KnowsAVocabulary) {
+  EXPECT_FALSE(ReadModelPack(folder_.string()).vocabulary.has_value());
+  std::ofstream(folder_ / "words.bin") << "words";
+  const auto with = [&](const std::string& sha) {
+    return ErrorWith([&](json& manifest) {
+      manifest["vocabulary"] = {{"file", "words.bin"}, {"sha256", sha}};
+    });
+  };
+  EXPECT_EQ(with(FileSha256(folder_ / "words.bin")), "");
+  EXPECT_EQ(ReadModelPack(folder_.string()).vocabulary->path, (folder_ / "words.bin").string());
+  EXPECT_THAT(with(std::string(64, '0')), HasSubstr("words.bin: its SHA-256 is"));
+}
+
 TEST_F(ModelPackTest, ReadsEveryField) {
   const ModelPack pack = ReadModelPack(folder_.string());
   EXPECT_EQ(pack.name, "test");

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/odometry/frame_tracker.h"
 
-#include <opencv2/calib3d.hpp>
 #include <set>
 #include <utility>
+
+#include "airslam/optimize/pnp_ransac.h"
 
 namespace airslam {
 namespace {
@@ -33,29 +34,6 @@ int CountCells(const std::vector<Eigen::Vector2d>& pixels) {
     cells.emplace(static_cast<int>(p.x() / kCell), static_cast<int>(p.y() / kCell));
   }
   return static_cast<int>(cells.size());
-}
-
-// PnP-RANSAC on matches of landmarks; OpenCV's generator has a fixed seed.
-std::vector<int> RansacInliers(const Pinhole& camera, const std::vector<cv::Point3d>& points,
-                               const std::vector<cv::Point2d>& pixels, double max_error,
-                               Rigid3& cam_from_world) {
-  std::vector<int> inliers;
-  if (points.size() < 6) return inliers;
-  const cv::Matx33d matrix(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  cv::Mat rotation_vector, translation;
-  cv::setRNGSeed(0);
-  const bool found =
-      cv::solvePnPRansac(points, pixels, matrix, cv::noArray(), rotation_vector, translation, false,
-                         200, static_cast<float>(max_error), 0.999, inliers, cv::SOLVEPNP_EPNP);
-  if (!found) return {};
-  cv::Matx33d r;
-  cv::Rodrigues(rotation_vector, r);
-  Eigen::Matrix3d rotation;
-  rotation << r(0, 0), r(0, 1), r(0, 2), r(1, 0), r(1, 1), r(1, 2), r(2, 0), r(2, 1), r(2, 2);
-  cam_from_world = {Eigen::Quaterniond(rotation),
-                    Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
-                                    translation.at<double>(2))};
-  return inliers;
 }
 
 }  // namespace
@@ -94,24 +72,21 @@ std::vector<Match> FrameTracker::MatchLearned(const FrameView& frame,
 PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
                                                      const Keyframe& keyframe,
                                                      const std::vector<Match>& matches) const {
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> pixels;
+  std::vector<PointSighting> sightings;
   for (const Match& match : matches) {
-    const Eigen::Vector3d& p =
-        map_.map().landmarks.at(keyframe.landmarks[match.index0]).point_in_world;
     const Keypoint& k = frame.features.keypoints[match.index1];
-    points.emplace_back(p.x(), p.y(), p.z());
-    pixels.emplace_back(k.x, k.y);
+    sightings.push_back(
+        {map_.map().landmarks.at(keyframe.landmarks[match.index0]).point_in_world, {k.x, k.y}});
   }
-  Rigid3 cam_from_world;
-  const std::vector<int> inliers =
-      RansacInliers(map_.stereo().camera, points, pixels, options_.ransac_error, cam_from_world);
+  const PnpRansacResult ransac =
+      EstimatePnpRansac(map_.stereo().camera, sightings,
+                        {.max_error = options_.ransac_error, .iterations = 200, .minimal = false});
   std::vector<PointConstraint> constraints;
-  for (int i : inliers) {
-    constraints.push_back({{points[i].x, points[i].y, points[i].z},
-                           PointObservation{{pixels[i].x, pixels[i].y}, -1, 1.0}});
+  for (const int i : ransac.inliers) {
+    constraints.push_back(
+        {sightings[i].point_in_world, PointObservation{sightings[i].pixel, -1, 1.0}});
   }
-  return OptimizePose(map_.stereo(), constraints, cam_from_world.Inverse(), {}, {});
+  return OptimizePose(map_.stereo(), constraints, ransac.cam_from_world.Inverse(), {}, {});
 }
 
 std::optional<FrameTracker::Found> FrameTracker::Seek(const ImagePyramid& image,

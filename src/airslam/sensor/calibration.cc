@@ -158,6 +158,19 @@ StereoRig ReadKalibrRig(const fs::path& camchain_yaml, const fs::path& imu_yaml)
   return rig;
 }
 
+RigCamera ReadCamera(const fs::path& yaml) {
+  const YamlFields file = YamlFields::Load(yaml);
+  if (file.Has("cam0")) {
+    const YamlFields fields = file.Sub("cam0");
+    RigCamera camera{ParseCamera(fields, "distortion_coeffs"), {}};
+    if (fields.Has("T_cam_imu")) camera.body_from_cam = fields.Transform("T_cam_imu").Inverse();
+    return camera;
+  }
+  RigCamera camera{ParseCamera(file, "distortion_coefficients"), {}};
+  if (file.Has("T_BS")) camera.body_from_cam = file.Transform("T_BS");
+  return camera;
+}
+
 StereoRig ReadKittiRig(const fs::path& calib_txt, int width, int height) {
   const auto matrices = ReadKittiMatrices(calib_txt);
   const auto& p0 = matrices.at("P0:");

@@ -24,4 +24,8 @@ StereoRig ReadKalibrRig(const std::filesystem::path& camchain_yaml,
 // size of the images is not in the file and must be given in pixels.
 StereoRig ReadKittiRig(const std::filesystem::path& calib_txt, int width, int height);
 
+// Reads one camera: an EuRoC sensor.yaml, or cam0 of a Kalibr camchain file. body_from_cam is T_BS,
+// or the inverse of T_cam_imu; without either the camera is its own body.
+RigCamera ReadCamera(const std::filesystem::path& yaml);
+
 }  // namespace airslam

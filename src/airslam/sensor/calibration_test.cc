@@ -221,6 +221,34 @@ const char kKittiCalib[] =
     "P1: 718.856 0 607.1928 -386.1448 0 718.856 185.2157 0 0 0 1 0\n"
     "P2: 1 2 3\n";
 
+TEST(ReadCamera, ReadsAnEurocSensorAndAKalibrChain) {
+  const TemporaryFolder folder;
+  const auto euroc =
+      ReadCamera(folder.Write("sensor.yaml", EurocCameraYaml("0.5", "radial-tangential")));
+  EXPECT_EQ(euroc.camera.pinhole.fx, 458.654);
+  EXPECT_EQ(euroc.camera.coefficients[0], -0.28);
+  EXPECT_EQ(euroc.body_from_cam.translation.x(), 0.5);
+  const auto kalibr = ReadCamera(folder.Write("camchain.yaml", kCamchain));
+  EXPECT_EQ(kalibr.camera.model, Distortion::kEquidistant);
+  EXPECT_EQ(kalibr.camera.pinhole.width, 512);
+  // cam_from_imu of the chain takes the body's origin to (0.1, 0.2, 0.3).
+  const Eigen::Vector3d origin = kalibr.body_from_cam.Inverse() * Eigen::Vector3d(0, 0, 0);
+  EXPECT_TRUE(origin.isApprox(Eigen::Vector3d(0.1, 0.2, 0.3), 1e-9));
+}
+
+TEST(ReadCamera, WithoutAPoseTheCameraIsTheBody) {
+  const TemporaryFolder folder;
+  const auto camera = ReadCamera(folder.Write("camera.yaml",
+                                              "resolution: [640, 480]\n"
+                                              "intrinsics: [500, 501, 320, 240]\n"
+                                              "distortion_model: none\n"));
+  EXPECT_EQ(camera.camera.model, Distortion::kNone);
+  EXPECT_EQ(camera.body_from_cam.translation.norm(), 0);
+  const std::string file = folder.Write("bad.yaml", "resolution: [640, 480]\n");
+  EXPECT_THAT(ErrorOf([&] { ReadCamera(file); }),
+              AllOf(HasSubstr("bad.yaml"), HasSubstr("intrinsics")));
+}
+
 TEST(ReadKittiRig, TakesTheBaselineFromP1) {
   const TemporaryFolder folder;
   const StereoRig rig = ReadKittiRig(folder.Write("calib.txt", kKittiCalib), 1241, 376);
