@@ -2,6 +2,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
+#include <string>
 
 namespace airslam {
 
@@ -11,11 +13,15 @@ inline constexpr char kVersion[] = "0.1.0";
 // (<name>_command.cc). The command runs when it has been parsed; what it throws is its failure.
 void AddMapCommand(CLI::App& app);
 void AddInfoCommand(CLI::App& app);
+void AddExportCommand(CLI::App& app);
 void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
 void AddDoctorCommand(CLI::App& app);
 void AddTrainVocabularyCommand(CLI::App& app);
 void AddLocalizeCommand(CLI::App& app);
+
+// The map file that a user means: the file, or map.db of the folder that `airslam map` wrote.
+std::filesystem::path MapFilePath(const std::string& file_or_folder);
 
 }  // namespace airslam

@@ -9,6 +9,11 @@
 
 namespace airslam {
 
+std::filesystem::path MapFilePath(const std::string& file_or_folder) {
+  const std::filesystem::path path = file_or_folder;
+  return std::filesystem::exists(path / "map.db") ? path / "map.db" : path;
+}
+
 void AddInfoCommand(CLI::App& app) {
   struct Arguments {
     std::string file;
@@ -19,10 +24,7 @@ void AddInfoCommand(CLI::App& app) {
   command->add_option("map", arguments->file, "The map file, e.g. out/map.db")->required();
   command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments] {
-    std::filesystem::path file = arguments->file;
-    // The folder that `airslam map` wrote will do.
-    if (std::filesystem::exists(file / "map.db")) file /= "map.db";
-    const MapSummary summary = SummarizeMap(file);
+    const MapSummary summary = SummarizeMap(MapFilePath(arguments->file));
     const std::string text =
         arguments->json ? MapSummaryToJson(summary).dump(2) + '\n' : FormatMapSummary(summary);
     std::fputs(text.c_str(), stdout);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "airslam/common/error.h"
+#include "airslam/map/keyframe_trajectory.h"
 
 namespace airslam {
 namespace {
@@ -159,13 +160,7 @@ Trajectory OnlineTrajectory(const PipelineResult& result, int component) {
 }
 
 Trajectory KeyframeTrajectory(const PipelineResult& result, int component) {
-  const Rigid3 cam_from_body = CamFromBody(result);
-  Trajectory trajectory;
-  for (const auto& [id, keyframe] : result.map.keyframes) {
-    if (keyframe.component != component) continue;
-    trajectory.push_back({keyframe.timestamp_ns, keyframe.world_from_cam * cam_from_body});
-  }
-  return trajectory;
+  return MapTrajectory(result.map, component);
 }
 
 nlohmann::json MakeReport(const PipelineResult& result, const StageTimes& times,

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 
+#include "airslam/optimize/iteration_callback.h"
 #include "airslam/optimize/pose_parameter.h"
 
 namespace airslam {
@@ -52,11 +53,16 @@ class Parameters {
   std::size_t first_line_;
 };
 
+// Beyond so many sigmas a loop counts less and less (95 % of its six coordinates' norms lie
+// within).
+constexpr double kLoopHuber = 3.5;
+
 // What one round of solving takes besides the problem.
 struct Round {
+  const BundleOptions& options;
   const BundleSummary& so_far;  // outliers are left out
-  double huber;
   int iterations;
+  int first_iteration;     // for reports of progress
   double visual_variance;  // of a pixel coordinate, in squares of its assumed sigma
 };
 
@@ -86,29 +92,54 @@ void AddVision(const BundleProblem& bundle, const Factors& factors, const Round&
   }
 }
 
+// The factors of loops in a problem.
+class Loops {
+ public:
+  // `weight`: of their squares, as that of the inertial terms.
+  Loops(const BundleProblem& bundle, std::vector<PoseParameter>& poses, double weight,
+        ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering)
+      : loss_(new ceres::HuberLoss(kLoopHuber), weight, ceres::TAKE_OWNERSHIP) {
+    for (const RelativePose& loop : bundle.relative_poses) {
+      factors_.push_back(std::make_unique<RelativePoseFactor>(loop));
+      double* from = poses[loop.from].data();
+      double* to = poses[loop.to].data();
+      problem.AddResidualBlock(factors_.back().get(), &loss_, from, to);
+      for (double* pose : {from, to}) ordering.AddElementToGroup(pose, 1);
+    }
+  }
+
+ private:
+  ceres::ScaledLoss loss_;
+  std::vector<std::unique_ptr<RelativePoseFactor>> factors_;
+};
+
 int SolveRound(const BundleProblem& bundle, const Factors& factors, const Round& round,
                Parameters& parameters, InertialBundle& inertial) {
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
-  ceres::HuberLoss loss(round.huber);
+  ceres::HuberLoss loss(round.options.huber);
   ceres::Solver::Options solver;
   solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   AddVision(bundle, factors, round, loss, parameters, problem, *solver.linear_solver_ordering);
   inertial.AddTo(parameters.poses, round.visual_variance, 1, problem,
                  *solver.linear_solver_ordering);
+  Loops loops(bundle, parameters.poses, round.visual_variance, problem,
+              *solver.linear_solver_ordering);
   for (std::size_t i = 0; i < parameters.poses.size(); ++i) {
     double* pose = parameters.poses[i].data();
     if (!problem.HasParameterBlock(pose)) continue;
     problem.SetManifold(pose, new PoseManifold);
     if (bundle.pose_fixed[i]) problem.SetParameterBlockConstant(pose);
   }
-  solver.linear_solver_type = ceres::DENSE_SCHUR;
+  solver.linear_solver_type = round.options.sparse ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
   solver.max_num_iterations = round.iterations;
-  solver.function_tolerance = 1e-4;  // of the cost: further steps move nothing that matters
+  solver.function_tolerance = round.options.function_tolerance;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
+  IterationReporter reporter(round.options.on_iteration, round.first_iteration);
+  solver.callbacks.push_back(&reporter);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
   return static_cast<int>(summary.iterations.size());
@@ -228,8 +259,11 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   Errors errors = JudgePoints(*problem, factors, parameters, 0, summary.outlier);
   summary.initial_rms = errors.Rms();
   InertialBundle inertial(problem->inertial);
+  int first_iteration = 0;
   for (const int iterations : {options.robust_iterations, options.final_iterations}) {
-    const Round round{summary, options.huber, iterations, VisualVariance(*problem, errors)};
+    const Round round{options, summary, iterations, first_iteration,
+                      VisualVariance(*problem, errors)};
+    first_iteration += iterations;
     summary.iterations += SolveRound(*problem, factors, round, parameters, inertial);
     errors = JudgePoints(*problem, factors, parameters, options.max_error, summary.outlier);
     summary.line_rms =

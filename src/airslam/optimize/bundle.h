@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "airslam/geometry/pinhole.h"
@@ -8,6 +9,7 @@
 #include "airslam/optimize/inertial_bundle.h"
 #include "airslam/optimize/line_factor.h"
 #include "airslam/optimize/point_factor.h"
+#include "airslam/optimize/relative_pose_factor.h"
 
 namespace airslam {
 
@@ -16,6 +18,11 @@ struct BundleOptions {
   int final_iterations = 6;   // after
   double huber = 1.5;         // in sigmas
   double max_error = 3.5;     // in sigmas, of the pixel distance: beyond it an outlier
+  // Of the cost: a step that lowers it by less is the last.
+  double function_tolerance = 1e-4;
+  // The equations of the poses are sparse: for maps, whose keyframes mostly do not see each other.
+  bool sparse = false;
+  std::function<void(int iteration)> on_iteration = nullptr;
 };
 
 // Keyframe poses, points, lines, observations and inertial states by position in these lists;
@@ -39,6 +46,7 @@ struct BundleProblem {
   std::vector<PluckerLine> lines_in_world = {};
   std::vector<LineSeen> line_observations = {};
   InertialTerms inertial = {};
+  std::vector<RelativePose> relative_poses = {};  // loops
 };
 
 struct BundleSummary {

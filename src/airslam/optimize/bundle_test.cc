@@ -54,6 +54,63 @@ Rigid3 Disturb(const Rigid3& pose, double angle, double distance) {
                        Eigen::Vector3d(distance, -distance, 0.5 * distance));
 }
 
+// Poses 0 and 1 see points, and so do 2 and 3, but nothing ties the two pairs but a loop.
+BundleProblem TwoPairs(const Scene& scene) {
+  BundleProblem problem{scene.stereo, scene.poses, {true, false, false, false}, scene.points, {}};
+  const int points = static_cast<int>(scene.points.size());
+  problem.points_in_world.insert(problem.points_in_world.end(), scene.points.begin(),
+                                 scene.points.end());
+  for (BundleProblem::Observation o : scene.observations) {
+    if (o.pose >= 2) o.point += points;
+    problem.observations.push_back(o);
+  }
+  return problem;
+}
+
+TEST(Bundle, ALoopTiesWhatSharesNoPoint) {
+  const Scene scene = MakeScene(4, 100, 0);
+  BundleProblem problem = TwoPairs(scene);
+  const Rigid3 drift(ExpSO3({0.02, -0.01, 0.03}), {0.1, 0.05, -0.2});
+  for (int i : {2, 3}) problem.world_from_cam[i] = drift * problem.world_from_cam[i];
+  for (std::size_t j = scene.points.size(); j < problem.points_in_world.size(); ++j) {
+    problem.points_in_world[j] = drift * problem.points_in_world[j];
+  }
+  problem.relative_poses = {
+      {1, 2, scene.poses[1].Inverse() * scene.poses[2], 1e-6 * Matrix6d::Identity()}};
+  BundleOptions options;
+  options.robust_iterations = 30;
+  options.function_tolerance = 1e-10;
+  SolveBundle(options, &problem);
+  for (int i : {1, 2, 3}) {
+    const Rigid3 error = scene.poses[i].Inverse() * problem.world_from_cam[i];
+    EXPECT_LT(error.translation.norm(), 0.02) << i;
+    EXPECT_LT(error.Angle(), 0.005) << i;
+  }
+}
+
+TEST(Bundle, SparseEqualsDense) {
+  const Scene scene = MakeScene(6, 150, 0.1);
+  BundleProblem dense{scene.stereo,
+                      scene.poses,
+                      {true, false, false, false, false, false},
+                      scene.points,
+                      scene.observations};
+  for (int i = 1; i < 6; ++i) dense.world_from_cam[i] = Disturb(scene.poses[i], 0.01, 0.03);
+  BundleProblem sparse = dense;
+  BundleOptions options;
+  SolveBundle(options, &dense);
+  options.sparse = true;
+  int last = -1;
+  options.on_iteration = [&](int iteration) { last = iteration; };
+  const BundleSummary summary = SolveBundle(options, &sparse);
+  EXPECT_GE(last, options.robust_iterations) << "both rounds are reported";
+  EXPECT_LT(summary.final_rms, 1.3);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_LT((dense.world_from_cam[i].translation - sparse.world_from_cam[i].translation).norm(),
+              1e-6);
+  }
+}
+
 TEST(OptimizePose, FindsThePoseAmongOutliers) {
   const Scene scene = MakeScene(1, 200, 0.25);
   std::vector<PointConstraint> constraints;
