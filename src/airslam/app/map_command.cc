@@ -88,6 +88,7 @@ void RunMap(const MapArguments& arguments) {
 
   PlNet left_detector(pack.features);
   PlNet right_detector(pack.features);
+  PlNet line_detector(pack.features);
   AtomicDirectory out(arguments.out);
   const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
   StageTimes times;
@@ -95,7 +96,8 @@ void RunMap(const MapArguments& arguments) {
                        pack.name, pack.features.network.sha256, times);
   Narrator narrator(sequence->size());
   const PipelineResult result = RunPipeline(
-      *sequence, rectifier, options, {left_detector, right_detector, *matcher}, &recorder,
+      *sequence, rectifier, options, {left_detector, right_detector, line_detector, *matcher},
+      &recorder,
       [&](int index, const PreparedFrame&, const FrameRecord& record) {
         narrator.Frame(index, record);
       },

@@ -83,10 +83,11 @@ class TestSequence : public Sequence {
 PipelineResult RunOn(const Sequence& sequence, const OdometryOptions& options = {},
                      MapRecorder* recorder = nullptr) {
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right;
+  SyntheticDetector left, right, lines;
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {left, right, lines, matcher}, recorder, {},
+                     times);
 }
 
 int Count(const PipelineResult& result, FrameState state) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <utility>
 
 #include "airslam/odometry/upright.h"
@@ -41,6 +42,7 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
     : options_(options),
       rectifier_(parts.rectifier),
       right_detector_(parts.right_detector),
+      line_detector_(parts.line_detector),
       matcher_(parts.matcher),
       recorder_(parts.recorder),
       inertial_(parts.inertial),
@@ -224,6 +226,10 @@ bool Odometry::IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracke
 }
 
 void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe) {
+  std::future<Detections> left_lines;
+  if (UsesLines()) {
+    left_lines = std::async(std::launch::async, [&] { return DetectLines(frame); });
+  }
   const cv::Mat right = rectifier_.RectifyRight(frame.right_raw);
   Detections features;
   {
@@ -235,20 +241,17 @@ void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
     ScopedStage stage(times_, "match stereo");
     builder_.MatchRight(view, MakePyramid(right), features, keyframe);
   }
-  if (UsesLines()) DetectLines(frame, features, keyframe);
+  if (!UsesLines()) return;
+  const Detections left = left_lines.get();
+  ScopedStage stage(times_, "match lines");
+  line_builder_.SetLines(left, features, keyframe);
 }
 
 // The pass over the left image that every frame gets has no lines: they would cost half as much
 // again, and most frames are no keyframes.
-void Odometry::DetectLines(const PreparedFrame& frame, const Detections& right,
-                           Keyframe& keyframe) {
-  Detections left;
-  {
-    ScopedStage stage(times_, "detect lines");
-    left = right_detector_.Detect(frame.left, rectifier_.left_mask(), {0, true, LineScore()});
-  }
-  ScopedStage stage(times_, "match lines");
-  line_builder_.SetLines(left, right, keyframe);
+Detections Odometry::DetectLines(const PreparedFrame& frame) const {
+  ScopedStage stage(times_, "detect lines");
+  return line_detector_.Detect(frame.left, rectifier_.left_mask(), {0, true, LineScore()});
 }
 
 std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,

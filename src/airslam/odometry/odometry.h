@@ -47,6 +47,7 @@ class Odometry {
   struct Parts {
     const StereoRectifier& rectifier;
     FeatureDetector& right_detector;
+    FeatureDetector& line_detector;  // works beside right_detector, in a thread of its own
     FeatureMatcher& matcher;
     MapRecorder* recorder;
     InertialOdometry* inertial;
@@ -87,10 +88,10 @@ class Odometry {
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
   bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
   // Whether keyframes get lines.
-  bool UsesLines() const { return options_.lines.enabled && right_detector_.finds_lines(); }
+  bool UsesLines() const { return options_.lines.enabled && line_detector_.finds_lines(); }
   float LineScore() const { return static_cast<float>(options_.lines.min_score); }
   void MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
-  void DetectLines(const PreparedFrame& frame, const Detections& right, Keyframe& keyframe);
+  Detections DetectLines(const PreparedFrame& frame) const;
   // Commits a keyframe that is not in the map yet, and what it changed there.
   void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more,
               const LineChanges& lines);
@@ -101,6 +102,7 @@ class Odometry {
   const OdometryOptions options_;
   const StereoRectifier& rectifier_;
   FeatureDetector& right_detector_;
+  FeatureDetector& line_detector_;
   FeatureMatcher& matcher_;
   MapRecorder* recorder_;
   InertialOdometry* inertial_;

@@ -18,6 +18,7 @@ namespace airslam {
 struct PipelineNetworks {
   FeatureDetector& left_detector;
   FeatureDetector& right_detector;
+  FeatureDetector& line_detector;
   FeatureMatcher& matcher;
 };
 
@@ -40,7 +41,6 @@ MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& r
 // empty.
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
-                           MapRecorder* recorder, const FrameObserver& observer,
-                           StageTimes& times);
+                           MapRecorder* recorder, const FrameObserver& observer, StageTimes& times);
 
 }  // namespace airslam

@@ -54,9 +54,11 @@ PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
                      bool detector_finds_lines = false, const OdometryOptions& options = {}) {
   const StereoRectifier rectifier(sequence.rig());
   SyntheticDetector left, right({.lines = detector_finds_lines});
+  SyntheticDetector lines({.lines = detector_finds_lines});
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {left, right, lines, matcher}, recorder, {},
+                     times);
 }
 
 SyntheticSequenceOptions Options(int frames) {
@@ -265,12 +267,15 @@ TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   const StereoRectifier rectifier(sequence.rig());
   BrokenDetector broken;
   SyntheticDetector works;
+  SyntheticDetector lines({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
-               std::runtime_error);
-  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
-               std::runtime_error);
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {broken, works, works, matcher}, nullptr, {}, times),
+      std::runtime_error);
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {works, broken, lines, matcher}, nullptr, {}, times),
+      std::runtime_error);
 }
 
 TEST(Pipeline, FramesHangOnKeyframesThatExist) {
