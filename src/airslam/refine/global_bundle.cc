@@ -49,6 +49,7 @@ void AddPoints(const Map& map, double pixel_sigma, GlobalProblem& global) {
 
 void AddLoops(const RefineContext& context, GlobalProblem& global) {
   for (const Loop& loop : context.loops) {
+    if (loop.merged) continue;
     const auto earlier = global.positions.find(loop.earlier);
     const auto later = global.positions.find(loop.later);
     if (earlier == global.positions.end() || later == global.positions.end()) continue;

@@ -27,6 +27,8 @@ struct Loop {
   int inliers = 0;
   Rigid3 earlier_from_later;                   // cameras
   Matrix6d covariance = Matrix6d::Identity();  // rotation (rad), position (m): RelativePose
+  // Its points were made one: they say in a bundle what the relative pose says, and say it better.
+  bool merged = false;
   std::vector<std::pair<int, int>> keypoints;  // the inliers: of `earlier`, of `later`
 };
 

@@ -64,13 +64,14 @@ void JoinPoints(const Loop& loop, Unions& unions, Map& map, int& added) {
   }
 }
 
-int MergePoints(const RefineContext& context, Map& map, int& added) {
+int MergePoints(RefineContext& context, Map& map, int& added) {
   Unions unions;
   int done = 0;
-  for (const Loop& loop : context.loops) {
+  for (Loop& loop : context.loops) {
     context.progress(++done, static_cast<int>(context.loops.size()), "points");
     if (!map.keyframes.contains(loop.earlier) || !map.keyframes.contains(loop.later)) continue;
     JoinPoints(loop, unions, map, added);
+    loop.merged = true;
   }
   for (auto& [id, keyframe] : map.keyframes) Rename(unions, keyframe.landmarks);
   return static_cast<int>(std::erase_if(
