@@ -29,20 +29,30 @@ void AddKeyframes(const Map& map, GlobalProblem& global) {
   }
 }
 
-void AddPoints(const Map& map, double pixel_sigma, GlobalProblem& global) {
+// Whether keyframes saw a landmark on two visits. Odometry follows a landmark from keyframe to
+// keyframe, so that its observers follow each other but for single outliers.
+bool WasRevisited(const std::vector<MapObservation>& observations) {
+  constexpr KeyframeId kGap = 5;
+  for (std::size_t i = 1; i < observations.size(); ++i) {
+    if (observations[i].keyframe - observations[i - 1].keyframe > kGap) return true;
+  }
+  return false;
+}
+
+void AddPoints(const Map& map, const GlobalBundleOptions& options, GlobalProblem& global) {
   for (const auto& [landmark, observations] : CollectObservations(map)) {
     if (observations.size() < 2 || !map.landmarks.contains(landmark)) continue;
     const int point = static_cast<int>(global.landmarks.size());
     global.landmarks.push_back(landmark);
     global.problem.points_in_world.push_back(map.landmarks.at(landmark).point_in_world);
+    const double sigma = WasRevisited(observations) ? options.revisit_sigma : options.pixel_sigma;
     for (const MapObservation& observation : observations) {
       const Keyframe& keyframe = map.keyframes.at(observation.keyframe);
       const Keypoint& keypoint = keyframe.keypoints[observation.index];
       global.observations.push_back(observation);
       global.problem.observations.push_back(
           {global.positions.at(observation.keyframe), point,
-           PointObservation{
-               {keypoint.x, keypoint.y}, keyframe.right_x[observation.index], pixel_sigma}});
+           PointObservation{{keypoint.x, keypoint.y}, keyframe.right_x[observation.index], sigma}});
     }
   }
 }
@@ -100,7 +110,7 @@ void GlobalBundle::Process(Map& map, RefineContext& context) {
   GlobalProblem global;
   global.problem.stereo = map.calibration.stereo;
   AddKeyframes(map, global);
-  AddPoints(map, context.options.global_bundle.pixel_sigma, global);
+  AddPoints(map, context.options.global_bundle, global);
   AddLoops(context, global);
   if (global.observations.empty()) {
     context.report["skipped"] = "no landmark is seen by two keyframes";

@@ -52,6 +52,7 @@ void GlobalBundleOptions::Validate() const {
   RequireOption(fine_iterations >= 1, "global_bundle.fine_iterations", fine_iterations,
                 "must be at least 1");
   RequirePositive("global_bundle.pixel_sigma", pixel_sigma);
+  RequirePositive("global_bundle.revisit_sigma", revisit_sigma);
   RequirePositive("global_bundle.huber", huber);
   RequirePositive("global_bundle.max_error", max_error);
 }
