@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/refine/global_bundle.h"
 
+#include <cmath>
 #include <set>
 
+#include "airslam/feature/point_line_association.h"
 #include "airslam/optimize/bundle.h"
 #include "airslam/refine/map_inertia.h"
 #include "airslam/refine/map_tools.h"
@@ -12,9 +14,11 @@ namespace {
 
 // A bundle, and whom its parts belong to.
 struct GlobalProblem {
-  std::vector<KeyframeId> keyframes;         // of problem.world_from_cam
-  std::vector<LandmarkId> landmarks;         // of problem.points_in_world
-  std::vector<MapObservation> observations;  // of problem.observations
+  std::vector<KeyframeId> keyframes;              // of problem.world_from_cam
+  std::vector<LandmarkId> landmarks;              // of problem.points_in_world
+  std::vector<MapObservation> observations;       // of problem.observations
+  std::vector<LandmarkId> line_landmarks;         // of problem.lines_in_world
+  std::vector<MapObservation> line_observations;  // of problem.line_observations
   BundleProblem problem;
   std::map<KeyframeId, int> positions;  // of keyframes
 };
@@ -57,6 +61,35 @@ void AddPoints(const Map& map, const GlobalBundleOptions& options, GlobalProblem
   }
 }
 
+LineObservation ObservationOf(const Keyframe& keyframe, int line, double sigma) {
+  LineObservation seen{ToImageSegment(keyframe.lines[line]), std::nullopt, sigma};
+  if (keyframe.right_lines[line].score >= 0)
+    seen.right = ToImageSegment(keyframe.right_lines[line]);
+  return seen;
+}
+
+void AddLines(const Map& map, double sigma, GlobalProblem& global) {
+  std::map<LandmarkId, std::vector<MapObservation>> seen_by;
+  for (const auto& [id, keyframe] : map.keyframes) {
+    for (std::size_t i = 0; i < keyframe.line_landmarks.size(); ++i) {
+      if (!map.line_landmarks.contains(keyframe.line_landmarks[i])) continue;
+      seen_by[keyframe.line_landmarks[i]].push_back({id, static_cast<int>(i)});
+    }
+  }
+  for (const auto& [landmark, observations] : seen_by) {
+    if (observations.front().keyframe == observations.back().keyframe) continue;
+    const int line = static_cast<int>(global.line_landmarks.size());
+    global.line_landmarks.push_back(landmark);
+    global.problem.lines_in_world.push_back(map.line_landmarks.at(landmark).line_in_world());
+    for (const MapObservation& observation : observations) {
+      global.line_observations.push_back(observation);
+      global.problem.line_observations.push_back(
+          {global.positions.at(observation.keyframe), line,
+           ObservationOf(map.keyframes.at(observation.keyframe), observation.index, sigma)});
+    }
+  }
+}
+
 void AddLoops(const RefineContext& context, GlobalProblem& global) {
   for (const Loop& loop : context.loops) {
     if (loop.merged) continue;
@@ -88,6 +121,25 @@ int Apply(const GlobalProblem& global, const BundleSummary& summary, Map& map) {
   return outliers;
 }
 
+// The same of lines: each keeps the stretch that it had, moved onto where it is now.
+int ApplyLines(const GlobalProblem& global, const BundleSummary& summary, Map& map) {
+  for (std::size_t i = 0; i < global.line_landmarks.size(); ++i) {
+    const PluckerLine& line = global.problem.lines_in_world[i];
+    SpaceSegment& ends = map.line_landmarks.at(global.line_landmarks[i]).ends_in_world;
+    const SpaceSegment moved{line.Closest(ends.start), line.Closest(ends.end)};
+    const double length = (moved.end - moved.start).norm();
+    if (std::isfinite(length) && length > 0) ends = moved;
+  }
+  int outliers = 0;
+  for (std::size_t i = 0; i < global.line_observations.size(); ++i) {
+    if (!summary.line_outlier[i]) continue;
+    const MapObservation& observation = global.line_observations[i];
+    map.keyframes.at(observation.keyframe).line_landmarks[observation.index] = kNoLandmark;
+    ++outliers;
+  }
+  return outliers;
+}
+
 BundleOptions SolverOptions(RefineContext& context) {
   const GlobalBundleOptions& options = context.options.global_bundle;
   BundleOptions solver;
@@ -111,6 +163,7 @@ void GlobalBundle::Process(Map& map, RefineContext& context) {
   global.problem.stereo = map.calibration.stereo;
   AddKeyframes(map, global);
   AddPoints(map, context.options.global_bundle, global);
+  AddLines(map, context.options.global_bundle.line_sigma, global);
   AddLoops(context, global);
   if (global.observations.empty()) {
     context.report["skipped"] = "no landmark is seen by two keyframes";
@@ -128,6 +181,8 @@ void GlobalBundle::Process(Map& map, RefineContext& context) {
   context.report["rms_sigmas_before"] = summary.initial_rms;
   context.report["rms_sigmas_after"] = summary.final_rms;
   context.report["outliers"] = Apply(global, summary, map);
+  context.report["lines"] = global.line_landmarks.size();
+  context.report["line_outliers"] = ApplyLines(global, summary, map);
   ApplyInertialTerms(global.problem.inertial, global.keyframes, map);
   context.report["inertial_links"] = global.problem.inertial.links.size();
   context.report["landmarks_removed"] = RemoveUnseenLandmarks(map);

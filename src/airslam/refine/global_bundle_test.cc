@@ -71,6 +71,43 @@ TEST(GlobalBundle, RemovesWrongObservations) {
   }
 }
 
+// A line that three keyframes see exactly, in both images, begins beside its place.
+TEST(GlobalBundle, LinesFindTheirPlace) {
+  SyntheticMap made = DriftingMap(0);
+  const StereoCamera& stereo = made.map.calibration.stereo;
+  const Rigid3& middle = made.map.keyframes.at(2).world_from_cam;
+  const SpaceSegment truth{middle * Eigen::Vector3d(-0.4, -0.3, 4),
+                           middle * Eigen::Vector3d(0.5, 0.4, 4.5)};
+  const auto project = [&](const Rigid3& cam_from_world, double shift) {
+    LineSegment line{0, 0, 0, 0, 1};
+    const Eigen::Vector3d a = cam_from_world * truth.start, b = cam_from_world * truth.end;
+    const Eigen::Vector3d side(shift, 0, 0);
+    const Eigen::Vector2d p = stereo.camera.Project(a - side), q = stereo.camera.Project(b - side);
+    line.x1 = static_cast<float>(p.x());
+    line.y1 = static_cast<float>(p.y());
+    line.x2 = static_cast<float>(q.x());
+    line.y2 = static_cast<float>(q.y());
+    return line;
+  };
+  for (KeyframeId id = 0; id < 3; ++id) {
+    Keyframe& keyframe = made.map.keyframes.at(id);
+    const Rigid3 cam_from_world = keyframe.world_from_cam.Inverse();
+    keyframe.lines = {project(cam_from_world, 0)};
+    keyframe.right_lines = {project(cam_from_world, stereo.baseline)};
+    keyframe.line_landmarks = {7};
+  }
+  const Eigen::Vector3d beside(0.05, -0.03, 0.04);
+  made.map.line_landmarks[7] = {7, {truth.start + beside, truth.end - beside}, 0};
+  const RefineOptions options;
+  RefineContext context{options};
+  GlobalBundle().Process(made.map, context);
+  EXPECT_EQ(context.report["lines"], 1);
+  EXPECT_EQ(context.report["line_outliers"], 0);
+  const PluckerLine line = made.map.line_landmarks.at(7).line_in_world();
+  EXPECT_LT(line.Distance(truth.start), 0.02);
+  EXPECT_LT(line.Distance(truth.end), 0.02);
+}
+
 TEST(GlobalBundle, RepeatsBitByBit) {
   SyntheticMap a = Shaken(), b = Shaken();
   const RefineOptions options;

@@ -53,6 +53,7 @@ void GlobalBundleOptions::Validate() const {
                 "must be at least 1");
   RequirePositive("global_bundle.pixel_sigma", pixel_sigma);
   RequirePositive("global_bundle.revisit_sigma", revisit_sigma);
+  RequirePositive("global_bundle.line_sigma", line_sigma);
   RequirePositive("global_bundle.huber", huber);
   RequirePositive("global_bundle.max_error", max_error);
 }

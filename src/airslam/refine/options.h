@@ -93,9 +93,10 @@ struct GlobalBundleOptions {
   // The same of a landmark that was seen again after a while, > 0: the detections of two visits
   // show the same point only to a pixel, while a track is aligned to its first patch.
   double revisit_sigma = 1.0;
-  double huber = 1.5;      // in sigmas, > 0
-  double max_error = 3.5;  // in sigmas: beyond it an outlier, > 0
-  bool use_imu = true;     // where the map has readings and inertial states
+  double line_sigma = 1.0;  // of a line\'s end across it in pixels, > 0
+  double huber = 1.5;       // in sigmas, > 0
+  double max_error = 3.5;   // in sigmas: beyond it an outlier, > 0
+  bool use_imu = true;      // where the map has readings and inertial states
 
   template <class V>
   void Visit(V& v) {
@@ -103,6 +104,7 @@ struct GlobalBundleOptions {
     v.Field("fine_iterations", fine_iterations);
     v.Field("pixel_sigma", pixel_sigma);
     v.Field("revisit_sigma", revisit_sigma);
+    v.Field("line_sigma", line_sigma);
     v.Field("huber", huber);
     v.Field("max_error", max_error);
     v.Field("use_imu", use_imu);
