@@ -34,6 +34,8 @@ int RunCommandLine(int argc, char** argv) {
   app.set_version_flag("--version", std::string("airslam ") + kVersion);
   AddMapCommand(app);
   AddInfoCommand(app);
+  AddRefineCommand(app);
+  AddMergeCommand(app);
   AddExportCommand(app);
   AddFeaturesCommand(app);
   AddDetectCommand(app);

@@ -13,6 +13,8 @@ inline constexpr char kVersion[] = "0.1.0";
 // (<name>_command.cc). The command runs when it has been parsed; what it throws is its failure.
 void AddMapCommand(CLI::App& app);
 void AddInfoCommand(CLI::App& app);
+void AddRefineCommand(CLI::App& app);
+void AddMergeCommand(CLI::App& app);
 void AddExportCommand(CLI::App& app);
 void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The text is checked against COLMAP's description of it. That pycolmap loads it is tested in
-// training/tests or by hand where pycolmap is installed (see docs/export.md).
+// The text is checked against COLMAP's description of it; app/export_command_test.cc asks pycolmap.
 #include "airslam/map/colmap_export.h"
 
 #include <gtest/gtest.h>

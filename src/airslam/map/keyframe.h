@@ -9,6 +9,7 @@
 #include "airslam/geometry/plucker_line.h"
 #include "airslam/geometry/rigid3.h"
 #include "airslam/neural/detections.h"
+#include "airslam/sensor/imu.h"
 
 namespace airslam {
 
@@ -44,6 +45,10 @@ struct Keyframe {
   Eigen::Vector3d velocity_in_world = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyroscope_bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d accelerometer_bias = Eigen::Vector3d::Zero();
+  // What the IMU read since the component's previous keyframe, in image time: the first sample at
+  // that keyframe's time, the last at this one's. Empty: no IMU, or readings are missing.
+  std::vector<ImuSample> imu_samples;
+  ImuNoise imu_noise;  // of these samples
 };
 
 // A 3D point seen by keyframes.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/map/map_codec.h"
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -13,6 +14,16 @@ static_assert(std::endian::native == std::endian::little,
               "a big-endian machine must swap the bytes of map files");
 static_assert(sizeof(Keypoint) == 3 * sizeof(float) && sizeof(LineSegment) == 5 * sizeof(float),
               "the BLOBs are copies of these structs");
+
+namespace {
+
+struct StoredImuSample {
+  std::int64_t timestamp_ns;
+  std::array<float, 6> values;
+};
+static_assert(sizeof(StoredImuSample) == 32);
+
+}  // namespace
 
 template <class T>
 Bytes EncodeArray(std::span<const T> values) {
@@ -49,6 +60,25 @@ Bytes EncodeLines(std::span<const LineSegment> lines) { return EncodeArray(lines
 
 std::vector<LineSegment> DecodeLines(std::span<const std::byte> blob) {
   return DecodeArray<LineSegment>(blob);
+}
+
+Bytes EncodeImuSamples(std::span<const ImuSample> samples) {
+  std::vector<StoredImuSample> stored;
+  for (const ImuSample& sample : samples) {
+    const Eigen::Vector3f w = sample.angular_velocity.cast<float>();
+    const Eigen::Vector3f a = sample.acceleration.cast<float>();
+    stored.push_back({sample.timestamp_ns, {w.x(), w.y(), w.z(), a.x(), a.y(), a.z()}});
+  }
+  return EncodeArray<StoredImuSample>(stored);
+}
+
+std::vector<ImuSample> DecodeImuSamples(std::span<const std::byte> blob) {
+  std::vector<ImuSample> samples;
+  for (const StoredImuSample& stored : DecodeArray<StoredImuSample>(blob)) {
+    const std::array<float, 6>& v = stored.values;
+    samples.push_back({stored.timestamp_ns, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}});
+  }
+  return samples;
 }
 
 QuantizedDescriptors QuantizeDescriptors(const DescriptorMatrix& descriptors) {

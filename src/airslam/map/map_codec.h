@@ -28,6 +28,11 @@ std::vector<Keypoint> DecodeKeypoints(std::span<const std::byte> blob);
 Bytes EncodeLines(std::span<const LineSegment> lines);
 std::vector<LineSegment> DecodeLines(std::span<const std::byte> blob);
 
+// Readings of the IMU, 32 bytes each: int64 nanoseconds, then angular velocity (rad/s) and
+// acceleration (m/s^2) as 6 float32, to which they are rounded.
+Bytes EncodeImuSamples(std::span<const ImuSample> samples);
+std::vector<ImuSample> DecodeImuSamples(std::span<const std::byte> blob);
+
 // Descriptors as int8, row after row: value = scale * int8, one scale a matrix, chosen so that the
 // largest magnitude becomes 127.
 struct QuantizedDescriptors {

@@ -89,5 +89,21 @@ TEST(MapCodecTest, BadDescriptorsAreErrors) {
   EXPECT_THROW(RestoreDescriptors(Bytes(7), 1, 0), Error);
 }
 
+TEST(MapCodec, ReadingsAreRoundedToFloats) {
+  const std::vector<ImuSample> samples = {
+      {1'700'000'000'000'000'001, {0.1, -0.2, 0.3}, {9.81, 1, 2}},
+      {1'700'000'000'005'000'003, {1, 2, 3}, {4, 5, 6}}};
+  const Bytes blob = EncodeImuSamples(samples);
+  EXPECT_EQ(blob.size(), 64u);
+  const std::vector<ImuSample> read = DecodeImuSamples(blob);
+  ASSERT_EQ(read.size(), 2u);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(read[i].timestamp_ns, samples[i].timestamp_ns);
+    EXPECT_LT((read[i].angular_velocity - samples[i].angular_velocity).norm(), 1e-6);
+    EXPECT_LT((read[i].acceleration - samples[i].acceleration).norm(), 1e-6);
+  }
+  EXPECT_THROW(DecodeImuSamples(std::span(blob).first(40)), Error);
+}
+
 }  // namespace
 }  // namespace airslam

@@ -5,6 +5,7 @@
 
 #include <sqlite3.h>
 
+#include <array>
 #include <optional>
 
 #include "airslam/common/error.h"
@@ -112,6 +113,8 @@ struct MapWriter::Impl {
   void WriteCalibration(const MapCalibration& calibration);
   void InsertFeatures(const Keyframe& keyframe);
   void InsertObservations(const Keyframe& keyframe);
+  void WriteImuReadings(KeyframeId id, const std::vector<ImuSample>& samples,
+                        const ImuNoise& noise);
   // The parts of an update, within its transaction.
   void UpdateKeyframes(const Update& update);
   void UpdatePoints(const Update& update);
@@ -242,6 +245,21 @@ void MapWriter::Impl::InsertObservations(const Keyframe& keyframe) {
   insert.Run();
 }
 
+void MapWriter::Impl::WriteImuReadings(KeyframeId id, const std::vector<ImuSample>& samples,
+                                       const ImuNoise& noise) {
+  if (samples.empty()) return;
+  database->Execute(kImuSchema);
+  SqliteStatement write(*database, "INSERT OR REPLACE INTO imu_readings VALUES (?1,?2,?3)");
+  const Bytes noise_values = EncodeArray<double>(std::array<double, 5>{
+      noise.gyroscope_noise_density, noise.gyroscope_random_walk, noise.accelerometer_noise_density,
+      noise.accelerometer_random_walk, noise.rate_hz});
+  const Bytes blob = EncodeImuSamples(samples);
+  write.Bind(1, std::int64_t{id});
+  write.Bind(2, noise_values);
+  write.Bind(3, blob);
+  write.Run();
+}
+
 void MapWriter::Impl::RunOn(SqliteStatement& statement, const char* what, std::int64_t id) {
   statement.Run();
   if (database->Changes() != 1) Fail("map file {} has no {} {}", file.string(), what, id);
@@ -320,6 +338,7 @@ void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> 
     insert.Run();
     impl_->InsertFeatures(keyframe);
     impl_->InsertObservations(keyframe);
+    impl_->WriteImuReadings(keyframe.id, keyframe.imu_samples, keyframe.imu_noise);
     for (const Landmark& landmark : new_landmarks) {
       BindLandmark(impl_->sql->insert_landmark, landmark);
       impl_->sql->insert_landmark.Run();
@@ -336,6 +355,9 @@ void MapWriter::Apply(const Update& update) {
     impl_->UpdateKeyframes(update);
     impl_->UpdatePoints(update);
     impl_->UpdateLines(update);
+    for (const Update::ImuReadings& readings : update.imu_readings) {
+      impl_->WriteImuReadings(readings.keyframe, readings.samples, readings.noise);
+    }
   });
 }
 

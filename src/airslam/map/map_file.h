@@ -55,6 +55,13 @@ class MapWriter {
     std::vector<LineLandmark> line_landmarks = {};
     std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> keyframe_line_landmarks = {};
     std::vector<LandmarkId> removed_line_landmarks = {};
+    // Readings of the IMU before a keyframe, in place of those that it has.
+    struct ImuReadings {
+      KeyframeId keyframe = -1;
+      std::vector<ImuSample> samples;
+      ImuNoise noise;
+    };
+    std::vector<ImuReadings> imu_readings = {};
   };
   void Apply(const Update& update);
 

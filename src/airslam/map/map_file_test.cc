@@ -363,5 +363,33 @@ TEST_F(MapFileTest, DigestSeesEveryTable) {
   EXPECT_NE(digest_of("h", calibration, "pack", keyframe, fewer), original);
 }
 
+TEST(MapFile, KeepsReadingsOfTheImu) {
+  const TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "map.db";
+  Keyframe keyframe = TestKeyframe(0, 5, 0);
+  {
+    MapWriter writer(file, TestCalibration(), "pack", "abc123");
+    writer.AddKeyframe(keyframe, TestLandmarks(keyframe));
+    writer.Close();
+  }
+  EXPECT_TRUE(ReadMap(file).keyframes.at(0).imu_samples.empty());
+  const std::string without = MapDigest(file);
+  std::filesystem::remove(file);
+  keyframe.imu_noise = {1e-4, 2e-5, 3e-3, 4e-4, 200};
+  keyframe.imu_samples = {{100, {0.5, 0, 0.25}, {0, 0, 9.5}}, {200, {0.5, 1, 0.25}, {0, 2, 9.5}}};
+  MapWriter writer(file, TestCalibration(), "pack", "abc123");
+  writer.AddKeyframe(keyframe, TestLandmarks(keyframe));
+  EXPECT_EQ(ReadMap(file).keyframes.at(0).imu_samples.size(), 2u);
+  EXPECT_NE(MapDigest(file), without);
+  keyframe.imu_samples[1].acceleration.x() = 4;
+  writer.Apply({.imu_readings = {{0, keyframe.imu_samples, keyframe.imu_noise}}});
+  writer.Close();
+  const Keyframe read = ReadMap(file).keyframes.at(0);
+  EXPECT_EQ(read.imu_noise.accelerometer_noise_density, 3e-3);
+  EXPECT_EQ(read.imu_noise.rate_hz, 200);
+  EXPECT_EQ(read.imu_samples[1].timestamp_ns, 200);
+  EXPECT_EQ(read.imu_samples[1].acceleration, Eigen::Vector3d(4, 2, 9.5));
+}
+
 }  // namespace
 }  // namespace airslam

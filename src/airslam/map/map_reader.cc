@@ -223,6 +223,32 @@ void ReadKeyframes(SqliteDatabase& database, std::int64_t version, Map& map) {
   }
 }
 
+bool HasTable(SqliteDatabase& database, const char* name) {
+  return database.QueryInteger(fmt::format(
+             "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = '{}'", name)) > 0;
+}
+
+void ReadImuReadings(SqliteDatabase& database, Map& map) {
+  if (!HasTable(database, kImuTable.name)) return;
+  SqliteStatement row(database, "SELECT keyframe_id, noise, samples FROM imu_readings");
+  while (row.Step()) {
+    const auto keyframe = map.keyframes.find(Int32(row, 0));
+    if (keyframe == map.keyframes.end()) Fail("readings belong to no keyframe");
+    const std::vector<double> noise = DecodeArray<double>(row.Blob(1));
+    RequireSize(noise.size(), 5, keyframe->first, "noise values");
+    keyframe->second.imu_noise = {noise[0], noise[1], noise[2], noise[3], noise[4]};
+    keyframe->second.imu_samples = DecodeImuSamples(row.Blob(2));
+    std::int64_t last = std::numeric_limits<std::int64_t>::min();
+    for (const ImuSample& sample : keyframe->second.imu_samples) {
+      if (sample.timestamp_ns <= last || !sample.angular_velocity.allFinite() ||
+          !sample.acceleration.allFinite()) {
+        Fail("the readings of keyframe {} are not valid", keyframe->first);
+      }
+      last = sample.timestamp_ns;
+    }
+  }
+}
+
 void ReadLandmarks(SqliteDatabase& database, Map& map) {
   SqliteStatement row(database, "SELECT id, x, y, z, first_seen_by FROM landmarks ORDER BY id");
   while (row.Step()) {
@@ -265,11 +291,6 @@ void ForgetRemovedLandmarks(Map& map) {
       if (!map.line_landmarks.contains(landmark)) landmark = kNoLandmark;
     }
   }
-}
-
-bool HasTable(SqliteDatabase& database, const char* name) {
-  return database.QueryInteger(fmt::format(
-             "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = '{}'", name)) > 0;
 }
 
 PlaceRecord ReadPlaceTables(SqliteDatabase& database) {
@@ -377,6 +398,7 @@ Map ReadMap(const fs::path& file) {
     map.model_pack = ReadMeta(database, "model_pack");
     map.model_pack_sha256 = ReadMeta(database, "model_pack_sha256");
     ReadKeyframes(database, version, map);
+    ReadImuReadings(database, map);
     ReadLandmarks(database, map);
     if (version >= 2) ReadLineLandmarks(database, map);
     ForgetRemovedLandmarks(map);
@@ -409,6 +431,7 @@ std::string MapDigest(const fs::path& file) {
       }
     };
     for (const MapTable& table : MapTables(version)) add(table);
+    if (HasTable(database, kImuTable.name)) add(kImuTable);
     for (const MapTable& table : kPlaceTables) {
       if (HasTable(database, table.name)) add(table);
     }

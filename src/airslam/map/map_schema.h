@@ -105,6 +105,16 @@ DELETE FROM bag_of_words;
 DELETE FROM covisibility;
 )sql";
 
+// What the IMU read between keyframes. Maps without this table have no readings.
+inline constexpr char kImuSchema[] = R"sql(
+CREATE TABLE IF NOT EXISTS imu_readings (
+  keyframe_id INTEGER PRIMARY KEY REFERENCES keyframes (id),
+  noise BLOB NOT NULL,
+  samples BLOB NOT NULL
+) STRICT;
+)sql";
+inline constexpr MapTable kImuTable = {"imu_readings", "keyframe_id"};
+
 // These tables in the order in which the digest takes them, where they exist.
 inline constexpr std::array<MapTable, 3> kPlaceTables = {
     {{"vocabulary", "kind"},

@@ -15,6 +15,7 @@ namespace airslam {
 namespace {
 
 constexpr char kPointColor[] = "160 160 160";
+constexpr char kLineColor[] = "220 120 30";
 constexpr char kCameraColor[] = "40 90 220";
 
 // Vertices and edges as lines of text.
@@ -35,6 +36,12 @@ Ply Collect(const Map& map, int component) {
   for (const auto& [id, landmark] : map.landmarks) {
     if (map.keyframes.at(landmark.first_seen_by).component != component) continue;
     ply.AddVertex(landmark.point_in_world, kPointColor);
+  }
+  for (const auto& [id, line] : map.line_landmarks) {
+    if (map.keyframes.at(line.first_seen_by).component != component) continue;
+    ply.AddVertex(line.ends_in_world.start, kLineColor);
+    ply.AddVertex(line.ends_in_world.end, kLineColor);
+    ply.JoinLastTwo();
   }
   bool first = true;
   for (const StampedPose& pose : MapTrajectory(map, component)) {

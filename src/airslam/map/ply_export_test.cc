@@ -77,6 +77,19 @@ TEST(PlyExport, HoldsPointsAndThePath) {
   EXPECT_THAT(ply.edges, ElementsAre(ElementsAre(12, 13), ElementsAre(13, 14)));
 }
 
+TEST(PlyExport, LinesAreEdges) {
+  const TemporaryFolder folder;
+  Map map = TestScene();
+  map.line_landmarks[3] = {3, {{1, 2, 3}, {4, 5, 6}}, 0};
+  map.line_landmarks[5] = {5, {{1, 2, 3}, {1, 5, 6}}, 2};
+  map.keyframes[2].component = 1;
+  WritePly(map, 0, folder.path() / "map.ply");
+  const PlyContent ply = ReadPly(folder.path() / "map.ply");
+  ASSERT_EQ(ply.vertices.size(), 12u + 2u + 2u);
+  EXPECT_EQ(ply.vertices[13][2], 6);
+  EXPECT_EQ(ply.edges.front(), (std::vector<double>{12, 13}));
+}
+
 TEST(PlyExport, LeavesOtherComponentsOut) {
   const TemporaryFolder folder;
   Map map = TestScene();

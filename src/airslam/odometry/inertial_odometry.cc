@@ -103,6 +103,7 @@ void InertialOdometry::StartComponent(int component, std::int64_t timestamp_ns) 
   predicted_.reset();
   biases_.clear();
   links_.clear();
+  last_keyframe_ns_.reset();
 }
 
 // Nothing where readings are missing or saturated.
@@ -196,7 +197,33 @@ void InertialOdometry::Rebase(const Rigid3& change, const Keyframe& latest) {
   filter_->Replace(state);
 }
 
+void InertialOdometry::FillReadings(std::int64_t begin_ns, Keyframe& keyframe) const {
+  if (Seconds(begin_ns, keyframe.timestamp_ns) > kMaxLink) return;
+  const auto readings = Readings(begin_ns, keyframe.timestamp_ns, {});
+  if (!readings) return;
+  keyframe.imu_samples = readings->samples();
+  keyframe.imu_noise = readings->noise();
+}
+
+std::vector<MapWriter::Update::ImuReadings> InertialOdometry::CorrectReadings(Map& map) {
+  std::vector<MapWriter::Update::ImuReadings> corrected;
+  if (!readings_outdated_) return corrected;
+  std::map<int, std::int64_t> last;  // of each component
+  for (auto& [id, keyframe] : map.keyframes) {
+    const auto before = last.find(keyframe.component);
+    if (before != last.end()) {
+      FillReadings(before->second, keyframe);
+      corrected.push_back({id, keyframe.imu_samples, keyframe.imu_noise});
+    }
+    last[keyframe.component] = keyframe.timestamp_ns;
+  }
+  readings_outdated_ = false;
+  return corrected;
+}
+
 void InertialOdometry::FillKeyframe(Keyframe& keyframe) {
+  if (last_keyframe_ns_) FillReadings(*last_keyframe_ns_, keyframe);
+  last_keyframe_ns_ = keyframe.timestamp_ns;
   if (!filter_ || filter_->timestamp_ns() != keyframe.timestamp_ns) return;
   const Matrix15d& covariance = filter_->covariance();
   if (covariance.diagonal().segment<3>(3).maxCoeff() > kUsefulVelocity * kUsefulVelocity) return;
@@ -286,6 +313,7 @@ bool InertialOdometry::CorrectTimeOffset(const InertialInitialization& result) {
   ++offset_corrections_;
   imu_ = imu_.WithTimeOffset(imu_.options().time_offset + result.time_offset);
   links_.clear();
+  readings_outdated_ = true;
   LogWarn("{}: corrected", result.reason);
   return true;
 }

@@ -52,10 +52,15 @@ class InertialOdometry {
   // (new_world_from_old_world there). `latest`: the latest keyframe, as it is now.
   void Rebase(const Rigid3& change, const Keyframe& latest);
 
-  // Writes velocity and biases into a keyframe made of the last frame.
+  // Writes velocity and biases into a keyframe made of the last frame, and the readings since the
+  // component's keyframe before it.
   void FillKeyframe(Keyframe& keyframe);
   // Adds the inertial terms of the job's keyframes.
   void AddTo(BundleJob& job, const Map& map);
+
+  // The readings of keyframes whose time offset was found to be wrong after they were filled, as
+  // they should be; `map` takes them over too.
+  std::vector<MapWriter::Update::ImuReadings> CorrectReadings(Map& map);
 
   // Tries to initialise, or to improve gravity while it is not known well, when it is time to.
   // Afterwards the component's keyframes have velocities and biases.
@@ -79,6 +84,7 @@ class InertialOdometry {
   void Accept(const InertialInitialization& result, const std::vector<InertialFrame>& frames,
               Map& map);
   void FillKeyframes(const InertialInitialization& result, const InertialFrame& newest, Map& map);
+  void FillReadings(std::int64_t begin_ns, Keyframe& keyframe) const;
   void NoteGap(std::int64_t begin_ns, std::int64_t end_ns);
 
   struct KnownBias {
@@ -91,6 +97,8 @@ class InertialOdometry {
   const Rigid3 body_from_cam_;
   ImuBuffer imu_;
   int offset_corrections_ = 0;
+  bool readings_outdated_ = false;  // keyframes hold readings with an earlier time offset
+  std::optional<std::int64_t> last_keyframe_ns_;  // of the component
 
   int component_ = -1;
   std::int64_t component_begin_ns_ = 0, frames_begin_ns_ = 0, last_try_ns_ = 0;

@@ -360,6 +360,12 @@ void Odometry::Finish() {
   if (bundle_due_) TakeBundle();
   if (inertial_ == nullptr) return;
   inertial_->SmoothCoastedFrames(records_, map_.map());
+  auto corrected = inertial_->CorrectReadings(map_.map());
+  if (recorder_ != nullptr && !corrected.empty()) {
+    MapWriter::Update update;
+    update.imu_readings = std::move(corrected);
+    recorder_->Apply(std::move(update));
+  }
   for (const InertialStart& start : inertial_->summary().starts) {
     MapWriter::Update update = TurnComponent(UprightFromWorld(start.gravity_in_world),
                                              start.component, map_.map(), records_);
