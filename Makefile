@@ -48,7 +48,7 @@ tsan: setup
 	@export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
 	cmake -S . -B build-tsan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=thread >/dev/null
 	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test
-	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) -R '[Pp]ipeline|[Qq]ueue'
+	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue'
 
 bench: setup
 	@cmake -S . -B build-bench -G Ninja -DCMAKE_BUILD_TYPE=Release -DAIRSLAM_TESTS=OFF \
