@@ -151,7 +151,11 @@ std::vector<Vote> CollectVotes(const LineMaps& maps, std::span<const Keypoint> j
   return votes;
 }
 
-constexpr int kSupportSamples = 16;
+// Samples along a line, in sixteenths and a half. The middle comes first: near its ends other lines
+// of the junctions may agree, so that what is no line shows there last.
+constexpr std::array<int, 16> kSupportOrder = {8, 4, 12, 6, 10, 2, 14, 7,
+                                               9, 5, 11, 3, 13, 1, 0,  15};
+constexpr int kSupportSamples = static_cast<int>(kSupportOrder.size());
 constexpr float kSupportOffset = 5;    // pixels
 constexpr float kSupportDistance = 4;  // pixels
 constexpr float kSupportCosine = 0.85F;
@@ -189,7 +193,8 @@ class SeenLines {
     const Line line{p.x, p.y, (p.y - q.y) / length, (q.x - p.x) / length};
     int agree = 0;
     for (int i = 0; i < kSupportSamples; ++i) {
-      const float t = (static_cast<float>(i) + 0.5F) / kSupportSamples;
+      const auto place = static_cast<float>(kSupportOrder[static_cast<std::size_t>(i)]);
+      const float t = (place + 0.5F) / kSupportSamples;
       const float x = p.x + t * (q.x - p.x), y = p.y + t * (q.y - p.y);
       agree += Agrees(line, x, y, -kSupportOffset) | Agrees(line, x, y, kSupportOffset);
       if (static_cast<float>(agree + kSupportSamples - 1 - i) < least * kSupportSamples) return 0;
@@ -406,7 +411,7 @@ std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Key
 
 std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals,
-                                   std::span<const float> scores, float radius) {
+                                   std::span<const float> scores, float radius, float min_score) {
   std::vector<std::size_t> order(proposals.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
@@ -419,6 +424,7 @@ std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
   std::vector<float> result(proposals.size(), -1.0F);
   std::vector<std::size_t> kept;
   for (const std::size_t i : order) {
+    if (!(scores[i] >= min_score)) break;
     const LineProposal& a = proposals[i];
     const bool is_double = std::any_of(kept.begin(), kept.end(), [&](std::size_t k) {
       const LineProposal& b = proposals[k];

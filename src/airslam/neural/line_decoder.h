@@ -85,11 +85,12 @@ float LineSupport(const LineMaps& maps, const Keypoint& start, const Keypoint& e
 std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Keypoint> junctions,
                                        const cv::Mat& mask, const LineDecoderOptions& options);
 
-// The scores, but -1 for each proposal that doubles a surer one (of equal ones the first): the
-// summed squared distance of their ends is below the square of `radius` pixels.
+// The scores, but -1 for each proposal below `min_score` and for each that doubles a surer one (of
+// equal ones the first): the summed squared distance of their ends is below the square of `radius`
+// pixels.
 std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals,
-                                   std::span<const float> scores, float radius);
+                                   std::span<const float> scores, float radius, float min_score);
 
 // Fills lines, line_ends and junctions of `detections`, which are empty before: the proposals of at
 // least `min_score`, best first (ties by junction indices), and the junctions that are ends of

@@ -229,12 +229,14 @@ TEST(SuppressDoubles, LeavesTheSurest) {
   const std::vector<LineProposal> proposals = {{0, 1}, {3, 2}, {0, 3}, {0, 1}};
   const std::vector<float> scores = {0.8F, 0.9F, 0.5F, 0.8F};
   // Squared distances: 1 to 0: 20 + 52, 2 to 1: 20 + 0.
-  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.4F),
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.4F, 0),
             (std::vector<float>{0.8F, 0.9F, -1, -1}));
-  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.5F),
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 8.5F, 0),
             (std::vector<float>{-1, 0.9F, -1, -1}));
-  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 0), scores);
-  EXPECT_TRUE(SuppressDoubles(junctions, {}, {}, 10).empty());
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 0, 0), scores);
+  EXPECT_EQ(SuppressDoubles(junctions, proposals, scores, 0, 0.8F),
+            (std::vector<float>{0.8F, 0.9F, -1, 0.8F}));
+  EXPECT_TRUE(SuppressDoubles(junctions, {}, {}, 10, 0).empty());
 }
 
 TEST(KeepLines, SortsAndKeepsTheirJunctions) {

@@ -216,8 +216,9 @@ void PlNet::DetectLines(const Network& network, const cv::Mat& image, const cv::
                       static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
   const std::vector<Keypoint> junctions = FindJunctions(maps, image.size(), mask, lines.decoder);
   const std::vector<LineProposal> proposals = ProposeLines(maps, junctions, mask, lines.decoder);
-  const std::vector<float> scores = SuppressDoubles(
-      junctions, proposals, Classify(network, junctions, proposals), lines.decoder.double_radius);
+  const std::vector<float> scores =
+      SuppressDoubles(junctions, proposals, Classify(network, junctions, proposals),
+                      lines.decoder.double_radius, min_score);
   KeepLines(junctions, proposals, scores, min_score, detections);
   detections.junction_descriptors =
       SampleDescriptors(network.Output(spec_.descriptors), detections.junctions,
