@@ -5,7 +5,7 @@
 #   make test      build, then every test
 #   make demo      build, then map the example sequence, evaluate it and draw it
 #   make sanitize  every test under AddressSanitizer and UndefinedBehaviorSanitizer
-#   make tsan      the queue and pipeline tests under ThreadSanitizer (tests: 2 minutes on 2 cores)
+#   make tsan      the queue, pipeline and shared-map tests under ThreadSanitizer (some minutes)
 #   make bench     the micro-benchmarks
 #   make format    clang-format over src/
 #   make clean     removes what was built; the set-up stays
@@ -47,8 +47,8 @@ sanitize: setup
 tsan: setup
 	@export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
 	cmake -S . -B build-tsan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=thread >/dev/null
-	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test
-	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue'
+	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test airslam_relocalize_test
+	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue|ManyThreads'
 
 bench: setup
 	@cmake -S . -B build-bench -G Ninja -DCMAKE_BUILD_TYPE=Release -DAIRSLAM_TESTS=OFF \
