@@ -15,6 +15,7 @@ $python -m airslam_training.export                             # models/airslam-
 $python -m airslam_training.mlsd                               # the line teacher's answers to views of each photo
 $python -m airslam_training.line_labels                        # merged, fitted to gradients; exact edges of scenes
 $python -m airslam_training.train_lines                        # config/lines.yaml
+../build/bin/airslam train-vocabulary /work/shared/data/photos --out ../models/airslam-fast/vocabulary.bin  # its words; make build
 $python -m airslam_training.features                           # our features of altered views
 $python -m airslam_training.train_matcher                      # config/matcher.yaml
 $python -m airslam_training.export                             # line module and matcher stages, too
