@@ -179,13 +179,17 @@ double LocalLines::DepthError(const LineLandmark& landmark) const {
                             covariance(1, 1) / ((*here)[1] * (*here)[1])));
 }
 
-// A new line may wait for more keyframes to see it; then they must tell where it is.
+// Whether the keyframes that see it tell where it is.
+bool LocalLines::IsKnown(const LineLandmark& landmark) const {
+  return seen_by_.at(landmark.id).size() > 1 && IsPlausible(landmark) &&
+         DepthError(landmark) <= options_.max_depth_error;
+}
+
+// A new line may wait for more keyframes to see it.
 bool LocalLines::IsWorthKeeping(const LineLandmark& landmark) const {
-  const std::vector<FeatureRef>& refs = seen_by_.at(landmark.id);
-  if (refs.empty() || !IsPlausible(landmark)) return false;
   const KeyframeId latest = map_.keyframes.rbegin()->first;
-  if (latest - landmark.first_seen_by < options_.patience) return true;
-  return refs.size() > 1 && DepthError(landmark) <= options_.max_depth_error;
+  if (latest - landmark.first_seen_by >= options_.patience) return IsKnown(landmark);
+  return !seen_by_.at(landmark.id).empty() && IsPlausible(landmark);
 }
 
 void LocalLines::Forget(LandmarkId id, std::set<KeyframeId>& changed, MapWriter::Update& update) {
@@ -229,6 +233,18 @@ void LocalLines::Apply(const BundleJob& solved, const std::map<KeyframeId, Rigid
       Forget(id, changed, update);
     }
   }
+  for (KeyframeId id : changed) {
+    update.keyframe_line_landmarks.emplace_back(id, map_.keyframes.at(id).line_landmarks);
+  }
+}
+
+void LocalLines::Settle(MapWriter::Update& update) {
+  std::vector<LandmarkId> unknown;
+  for (const auto& [id, landmark] : map_.line_landmarks) {
+    if (!IsKnown(landmark)) unknown.push_back(id);
+  }
+  std::set<KeyframeId> changed;
+  for (LandmarkId id : unknown) Forget(id, changed, update);
   for (KeyframeId id : changed) {
     update.keyframe_line_landmarks.emplace_back(id, map_.keyframes.at(id).line_landmarks);
   }

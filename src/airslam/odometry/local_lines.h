@@ -46,12 +46,15 @@ class LocalLines {
   // of its keyframes moved, in world.
   void Apply(const BundleJob& solved, const std::map<KeyframeId, Rigid3>& new_from_old,
              MapWriter::Update& update);
+  // At the end no more keyframes will come: forgets the lines that were still waiting for some.
+  void Settle(MapWriter::Update& update);
 
  private:
   void RemoveObservation(const FeatureRef& ref);
   bool Place(const PluckerLine& line_in_world, LandmarkId id);
   bool IsPlausible(const LineLandmark& landmark) const;
   double DepthError(const LineLandmark& landmark) const;
+  bool IsKnown(const LineLandmark& landmark) const;
   bool IsWorthKeeping(const LineLandmark& landmark) const;
   void Forget(LandmarkId id, std::set<KeyframeId>& changed, MapWriter::Update& update);
 

@@ -126,6 +126,20 @@ TEST_F(LocalLinesTest, ALineThatOneKeyframeSawIsForgottenAfterAWhile) {
   EXPECT_THAT(update.keyframe_line_landmarks[0].second, ElementsAre(kNoLandmark));
 }
 
+TEST_F(LocalLinesTest, InTheEndNoLineWaitsForMoreKeyframes) {
+  const LandmarkId known = lines_.Add(ends_, 0);
+  for (int i = 0; i < 3; ++i) Add(-0.2, 0.2, known);
+  const LandmarkId waiting = lines_.Add(ends_, 3);
+  Add(-0.2, 0.2, waiting);
+  EXPECT_THAT(Apply(Job()).removed_line_landmarks, IsEmpty());
+  MapWriter::Update update;
+  lines_.Settle(update);
+  EXPECT_THAT(update.removed_line_landmarks, ElementsAre(waiting));
+  ASSERT_EQ(update.keyframe_line_landmarks.size(), 1u);
+  EXPECT_EQ(update.keyframe_line_landmarks[0].first, 3);
+  EXPECT_TRUE(map_.line_landmarks.contains(known));
+}
+
 TEST_F(LocalLinesTest, ALineWhoseDepthStaysOpenIsForgotten) {
   // Seen from 0 and 0.1 m, 4 m away, its depth is known to 0.5 px / 11 px; at the same place, not.
   const LandmarkId line = lines_.Add(ends_, 0);

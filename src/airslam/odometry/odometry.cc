@@ -358,6 +358,11 @@ void Odometry::TakeBundle() {
 
 void Odometry::Finish() {
   if (bundle_due_) TakeBundle();
+  MapWriter::Update settled;
+  map_.lines().Settle(settled);
+  if (recorder_ != nullptr && !settled.removed_line_landmarks.empty()) {
+    recorder_->Apply(std::move(settled));
+  }
   if (inertial_ == nullptr) return;
   inertial_->SmoothCoastedFrames(records_, map_.map());
   auto corrected = inertial_->CorrectReadings(map_.map());

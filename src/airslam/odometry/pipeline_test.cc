@@ -168,7 +168,7 @@ std::vector<double> LineErrors(const PipelineResult& result, const SyntheticSequ
 }
 
 TEST(Pipeline, MapsLinesWhereTheyAre) {
-  SyntheticSequenceOptions synthetic = Options(24);
+  SyntheticSequenceOptions synthetic = Options(60);
   synthetic.rig = EurocLikeRig(560, 364);
   const SyntheticSequence sequence(synthetic);
   const PipelineResult result = RunOn(sequence, nullptr, true);
