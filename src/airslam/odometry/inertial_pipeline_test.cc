@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <opencv2/core/utility.hpp>
+
 #include <algorithm>
 #include <filesystem>
 #include <limits>
@@ -82,6 +84,7 @@ class TestSequence : public Sequence {
 
 PipelineResult RunOn(const Sequence& sequence, const OdometryOptions& options = {},
                      MapRecorder* recorder = nullptr) {
+  cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
   SyntheticDetector left, right, lines;
   SyntheticMatcher matcher;

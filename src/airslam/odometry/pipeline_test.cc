@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <opencv2/core/utility.hpp>
 #include <set>
 #include <stdexcept>
 
@@ -52,6 +53,7 @@ class BrokenDetector : public FeatureDetector {
 
 PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
                      bool detector_finds_lines = false, const OdometryOptions& options = {}) {
+  cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
   SyntheticDetector left, right({.lines = detector_finds_lines});
   SyntheticDetector lines({.lines = detector_finds_lines});
