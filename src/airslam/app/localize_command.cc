@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -21,6 +20,7 @@
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
 #include "airslam/dataset/trajectory.h"
+#include "airslam/map/keyframe_trajectory.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"
 #include "airslam/relocalize/localizer.h"
@@ -136,17 +136,6 @@ std::vector<Localization> Answer(const std::vector<fs::path>& files, const Query
   return answers;
 }
 
-// The component with the most keyframes: its world is that of `airslam map`'s trajectory.
-int LargestComponent(const Map& map) {
-  std::map<int, int> keyframes;
-  for (const auto& [id, keyframe] : map.keyframes) ++keyframes[keyframe.component];
-  int largest = 0;
-  for (const auto& [component, count] : keyframes) {
-    if (count > keyframes[largest]) largest = component;
-  }
-  return largest;
-}
-
 // The poses in one component's world; those of others would not fit to them.
 Trajectory Poses(const std::vector<fs::path>& files, const std::vector<Localization>& answers,
                  int component) {
@@ -165,9 +154,7 @@ void RunLocalize(LocalizeArguments arguments) {
   const std::vector<fs::path> files = Queries(arguments.inputs);
   const QueryCamera camera(ReadCamera(arguments.camera));
   const ModelPack pack = LoadModelPack(arguments.model);
-  fs::path file = arguments.map;
-  if (fs::exists(file / "map.db")) file /= "map.db";  // the folder that `airslam map` wrote
-  const LocalizationMap map = LocalizationMap::Load(file, pack);
+  const LocalizationMap map = LocalizationMap::Load(MapFilePath(arguments.map), pack);
   if (arguments.options.structure_graph && !map.places.has_junction_words()) {
     LogWarn(
         "the map has no junction words (airslam refine makes them): stage 2 goes by keypoint "
@@ -182,7 +169,7 @@ void RunLocalize(LocalizeArguments arguments) {
   const auto start = std::chrono::steady_clock::now();
   const std::vector<Localization> answers = Answer(files, camera, workers);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  const Trajectory poses = Poses(files, answers, LargestComponent(map.map));
+  const Trajectory poses = Poses(files, answers, LargestMapComponent(map.map));
   if (!arguments.out.empty()) WriteTum(arguments.out, poses);
   const auto located = static_cast<std::size_t>(std::count_if(
       answers.begin(), answers.end(), [](const Localization& a) { return a.pose.has_value(); }));

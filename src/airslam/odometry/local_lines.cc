@@ -203,6 +203,13 @@ void LocalLines::Forget(LandmarkId id, std::set<KeyframeId>& changed, MapWriter:
   update.removed_line_landmarks.push_back(id);
 }
 
+void LocalLines::ReportChanged(const std::set<KeyframeId>& changed,
+                               MapWriter::Update& update) const {
+  for (KeyframeId id : changed) {
+    update.keyframe_line_landmarks.emplace_back(id, map_.keyframes.at(id).line_landmarks);
+  }
+}
+
 void LocalLines::Apply(const BundleJob& solved, const std::map<KeyframeId, Rigid3>& new_from_old,
                        MapWriter::Update& update) {
   std::set<KeyframeId> changed;
@@ -233,9 +240,7 @@ void LocalLines::Apply(const BundleJob& solved, const std::map<KeyframeId, Rigid
       Forget(id, changed, update);
     }
   }
-  for (KeyframeId id : changed) {
-    update.keyframe_line_landmarks.emplace_back(id, map_.keyframes.at(id).line_landmarks);
-  }
+  ReportChanged(changed, update);
 }
 
 void LocalLines::Settle(MapWriter::Update& update) {
@@ -245,9 +250,7 @@ void LocalLines::Settle(MapWriter::Update& update) {
   }
   std::set<KeyframeId> changed;
   for (LandmarkId id : unknown) Forget(id, changed, update);
-  for (KeyframeId id : changed) {
-    update.keyframe_line_landmarks.emplace_back(id, map_.keyframes.at(id).line_landmarks);
-  }
+  ReportChanged(changed, update);
 }
 
 }  // namespace airslam

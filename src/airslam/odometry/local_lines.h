@@ -57,6 +57,7 @@ class LocalLines {
   bool IsKnown(const LineLandmark& landmark) const;
   bool IsWorthKeeping(const LineLandmark& landmark) const;
   void Forget(LandmarkId id, std::set<KeyframeId>& changed, MapWriter::Update& update);
+  void ReportChanged(const std::set<KeyframeId>& changed, MapWriter::Update& update) const;
 
   const LineOptions options_;
   Map& map_;
