@@ -39,6 +39,7 @@ int RunCommandLine(int argc, char** argv) {
   AddExportCommand(app);
   AddFeaturesCommand(app);
   AddDetectCommand(app);
+  AddOptionsCommand(app);
   AddEvalCommand(app);
   AddDoctorCommand(app);
   AddTrainVocabularyCommand(app);

@@ -12,9 +12,13 @@
 #include <sstream>
 
 #include "airslam/app/test_dataset.h"
+#include "airslam/common/options.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/evaluate/trajectory_error.h"
 #include "airslam/map/map_file.h"
+#include "airslam/odometry/options.h"
+#include "airslam/refine/options.h"
+#include "airslam/relocalize/localizer.h"
 
 namespace airslam {
 namespace {
@@ -96,6 +100,27 @@ TEST(CommandLine, HelpAndVersionAreNoErrors) {
   }
   EXPECT_THAT(RunProgram(folder.path(), {"map", "--help"}).out, HasSubstr("--config"));
   EXPECT_THAT(RunProgram(folder.path(), {"--version"}).out, StartsWith("airslam 0."));
+}
+
+// What it prints is a configuration file that changes nothing.
+template <class Options>
+void ExpectDefaults(const TemporaryFolder& folder, const std::string& command) {
+  const ProgramResult yaml = RunProgram(folder.path(), {"options", command});
+  ASSERT_EQ(yaml.exit_code, 0) << yaml.err;
+  folder.Write("options.yaml", yaml.out);
+  Options options;
+  LoadOptions(folder.path() / "options.yaml", options);
+  EXPECT_EQ(DumpOptions(options), DumpOptions(Options()));
+}
+
+TEST(CommandLine, OptionsPrintsAConfiguration) {
+  const TemporaryFolder folder;
+  ExpectDefaults<OdometryOptions>(folder, "map");
+  ExpectDefaults<RefineOptions>(folder, "refine");
+  ExpectDefaults<LocalizationOptions>(folder, "localize");
+  const ProgramResult table = RunProgram(folder.path(), {"options", "map", "--markdown"});
+  EXPECT_THAT(table.out, HasSubstr("| `max_keypoints` | `350` | 50 to 2000 |"));
+  EXPECT_EQ(RunProgram(folder.path(), {"options", "mop"}).exit_code, 2);
 }
 
 TEST(CommandLine, SaysWhatIsWrongWithADataset) {

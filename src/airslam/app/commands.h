@@ -18,6 +18,7 @@ void AddMergeCommand(CLI::App& app);
 void AddExportCommand(CLI::App& app);
 void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);
+void AddOptionsCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
 void AddDoctorCommand(CLI::App& app);
 void AddTrainVocabularyCommand(CLI::App& app);

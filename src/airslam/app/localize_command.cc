@@ -19,6 +19,7 @@
 #include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
+#include "airslam/common/options.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/map/keyframe_trajectory.h"
 #include "airslam/neural/model_pack.h"
@@ -36,11 +37,22 @@ struct LocalizeArguments {
   std::vector<std::string> inputs;
   std::string camera;
   std::string out;
+  std::string config;
   std::string model = kDefaultModelPack;
+  std::optional<int> candidates;
   bool no_structure_graph = false;
   int threads = 0;
-  LocalizationOptions options;
 };
+
+// The configuration file's options, then those of the command line.
+LocalizationOptions Options(const LocalizeArguments& arguments) {
+  LocalizationOptions options;
+  if (!arguments.config.empty()) LoadOptions(arguments.config, options);
+  if (arguments.candidates) options.candidates = *arguments.candidates;
+  if (arguments.no_structure_graph) options.structure_graph = false;
+  options.Validate();
+  return options;
+}
 
 std::vector<fs::path> Queries(const std::vector<std::string>& inputs) {
   std::vector<fs::path> files;
@@ -148,14 +160,13 @@ Trajectory Poses(const std::vector<fs::path>& files, const std::vector<Localizat
   return poses;
 }
 
-void RunLocalize(LocalizeArguments arguments) {
-  arguments.options.structure_graph = !arguments.no_structure_graph;
-  arguments.options.Validate();
+void RunLocalize(const LocalizeArguments& arguments) {
+  const LocalizationOptions options = Options(arguments);
   const std::vector<fs::path> files = Queries(arguments.inputs);
   const QueryCamera camera(ReadCamera(arguments.camera));
   const ModelPack pack = LoadModelPack(arguments.model);
   const LocalizationMap map = LocalizationMap::Load(MapFilePath(arguments.map), pack);
-  if (arguments.options.structure_graph && !map.places.has_junction_words()) {
+  if (options.structure_graph && !map.places.has_junction_words()) {
     LogWarn(
         "the map has no junction words (airslam refine makes them): stage 2 goes by keypoint "
         "words alone");
@@ -164,7 +175,7 @@ void RunLocalize(LocalizeArguments arguments) {
                                               : std::max(1U, std::thread::hardware_concurrency());
   std::vector<std::unique_ptr<Worker>> workers;
   for (std::size_t i = 0; i < std::min(threads, files.size()); ++i) {
-    workers.push_back(std::make_unique<Worker>(pack, map, camera, arguments.options));
+    workers.push_back(std::make_unique<Worker>(pack, map, camera, options));
   }
   const auto start = std::chrono::steady_clock::now();
   const std::vector<Localization> answers = Answer(files, camera, workers);
@@ -197,9 +208,8 @@ void AddLocalizeCommand(CLI::App& app) {
   command->add_option("--out", arguments->out,
                       "TUM file of poses (world from body; time from a name in nanoseconds, else "
                       "the running number)");
-  command->add_option("--candidates", arguments->options.candidates, "Keyframes to match with")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+  command->add_option("--config", arguments->config, "YAML file of options");
+  command->add_option("--candidates", arguments->candidates, "Keyframes to match with");
   command->add_flag("--no-structure-graph", arguments->no_structure_graph,
                     "Choose candidates by keypoint words alone");
   command->add_option("--threads", arguments->threads, "0: one a CPU")

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <type_traits>
 
 namespace airslam {
@@ -159,6 +160,55 @@ std::string ScalarText(const OptionBinding& binding) {
       binding.value);
 }
 
+// "0.001 to 1 image widths", "true or false", "text".
+std::string RangeText(const OptionBinding& binding) {
+  if (std::holds_alternative<bool*>(binding.value)) return "true or false";
+  if (std::holds_alternative<std::string*>(binding.value)) return "text";
+  const OptionRange& range = binding.range;
+  return fmt::format("{} to {}{}{}", range.low, range.high, range.unit.empty() ? "" : " ",
+                     range.unit);
+}
+
+// A comment of lines that are at most 100 columns long.
+std::string Comment(const std::string& text, int indent) {
+  const std::string start = fmt::format("{:{}}#", "", indent);
+  std::string comment, line = start;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    if (line.size() + 1 + word.size() > 100) {
+      comment += line + '\n';
+      line = start;
+    }
+    line += ' ' + word;
+  }
+  return comment + line + '\n';
+}
+
+std::string WriteYaml(std::span<const OptionBinding> bindings, bool with_comments) {
+  std::string text;
+  std::string open_group;  // as "a.b."
+  for (const OptionBinding& binding : bindings) {
+    const auto [group, key] = SplitName(binding.name);
+    // Name the groups that this field opens; those it shares with the one before stand already.
+    std::size_t begin = 0;
+    int depth = 0;
+    for (std::size_t dot = group.find('.'); dot != std::string_view::npos;
+         dot = group.find('.', begin), ++depth) {
+      if (!open_group.starts_with(group.substr(0, dot + 1))) {
+        if (with_comments) text += '\n' + Comment(std::string(binding.group_words), 2 * depth);
+        text += fmt::format("{:{}}{}:\n", "", 2 * depth, group.substr(begin, dot - begin));
+      }
+      begin = dot + 1;
+    }
+    open_group = group;
+    if (with_comments) {
+      text += Comment(fmt::format("{} ({})", binding.words, RangeText(binding)), 2 * depth);
+    }
+    text += fmt::format("{:{}}{}: {}\n", "", 2 * depth, key, ScalarText(binding));
+  }
+  return text;
+}
+
 }  // namespace
 
 void ReadOptions(const std::filesystem::path& yaml_file, std::span<const OptionBinding> bindings) {
@@ -176,23 +226,45 @@ void ReadOptions(const std::filesystem::path& yaml_file, std::span<const OptionB
   Reader(file, bindings).ReadMap(root, "");
 }
 
+void RequireRanges(std::span<const OptionBinding> bindings) {
+  for (const OptionBinding& binding : bindings) {
+    std::visit(
+        [&]<class T>(T* value) {
+          if constexpr (!std::is_same_v<T, bool> && !std::is_same_v<T, std::string>) {
+            const auto number = static_cast<double>(*value);
+            if (!(number >= binding.range.low && number <= binding.range.high)) {
+              Fail("option {} is {}, which is not in the range {}", binding.name, *value,
+                   RangeText(binding));
+            }
+          }
+        },
+        binding.value);
+  }
+}
+
 std::string WriteOptions(std::span<const OptionBinding> bindings) {
+  return WriteYaml(bindings, false);
+}
+
+std::string DescribeOptions(std::span<const OptionBinding> bindings) {
+  return WriteYaml(bindings, true);
+}
+
+std::string TabulateOptions(std::span<const OptionBinding> bindings) {
   std::string text;
-  std::string open_group;  // as "a.b."
+  std::optional<std::string_view> open_group;
   for (const OptionBinding& binding : bindings) {
     const auto [group, key] = SplitName(binding.name);
-    // Name the groups that this field opens; those it shares with the one before stand already.
-    std::size_t begin = 0;
-    int depth = 0;
-    for (std::size_t dot = group.find('.'); dot != std::string_view::npos;
-         dot = group.find('.', begin), ++depth) {
-      if (!open_group.starts_with(group.substr(0, dot + 1))) {
-        text += fmt::format("{:{}}{}:\n", "", 2 * depth, group.substr(begin, dot - begin));
+    if (open_group != group) {
+      if (!group.empty()) {
+        text += fmt::format("\n### {}\n\n{}\n\n", group.substr(0, group.size() - 1),
+                            binding.group_words);
       }
-      begin = dot + 1;
+      text += "| option | default | range, unit | meaning |\n|---|---|---|---|\n";
+      open_group = group;
     }
-    open_group = group;
-    text += fmt::format("{:{}}{}: {}\n", "", 2 * depth, key, ScalarText(binding));
+    text += fmt::format("| `{}` | `{}` | {} | {} |\n", key, ScalarText(binding), RangeText(binding),
+                        binding.words);
   }
   return text;
 }

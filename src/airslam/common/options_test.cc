@@ -19,12 +19,9 @@ struct TrackingOptions {
 
   template <class V>
   void Visit(V& v) {
-    v.Field("max_keypoints", max_keypoints);
-    v.Field("parallax_ratio", parallax_ratio);
-    v.Field("use_right_image", use_right_image);
-  }
-  void Validate() const {
-    RequireOption(max_keypoints > 0, "tracking.max_keypoints", max_keypoints, "must be at least 1");
+    v.Field("max_keypoints", max_keypoints, {1, 4096}, "Best scores kept.");
+    v.Field("parallax_ratio", parallax_ratio, {0.001, 1, "image widths"}, "Above it: a keyframe.");
+    v.Field("use_right_image", use_right_image, "Stereo.");
   }
 };
 
@@ -35,11 +32,11 @@ struct RunOptions {
 
   template <class V>
   void Visit(V& v) {
-    v.Field("pack", pack);
-    v.Field("threshold", threshold);
-    v.Group("tracking", tracking);
+    v.Field("pack", pack, "Which networks.");
+    v.Field("threshold", threshold, {0, 1}, "Of scores.");
+    v.Group("tracking", tracking, "How frames match.");
   }
-  void Validate() const { tracking.Validate(); }
+  void Validate() const { RequireRanges(*this); }
 };
 
 class OptionsTest : public testing::Test {
@@ -124,7 +121,16 @@ TEST_F(OptionsTest, BrokenFiles) {
 
 TEST_F(OptionsTest, ValidationSpeaksForTheFile) {
   EXPECT_EQ(ErrorOf("tracking:\n  max_keypoints: -3\n"),
-            ": tracking.max_keypoints = -3 must be at least 1");
+            ": option tracking.max_keypoints is -3, which is not in the range 1 to 4096");
+  EXPECT_EQ(ErrorOf("tracking:\n  parallax_ratio: 2\n"),
+            ": option tracking.parallax_ratio is 2, which is not in the range 0.001 to 1 image "
+            "widths");
+}
+
+TEST_F(OptionsTest, NotANumberIsOutOfEveryRange) {
+  RunOptions options;
+  options.tracking.parallax_ratio = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(options.Validate(), Error);
 }
 
 TEST_F(OptionsTest, DumpReadsBackBitForBit) {
@@ -145,6 +151,35 @@ TEST_F(OptionsTest, DumpIsNestedYaml) {
   EXPECT_EQ(DumpOptions(RunOptions()),
             "pack: \"default\"\nthreshold: 0.2\ntracking:\n  max_keypoints: 350\n"
             "  parallax_ratio: 0.1\n  use_right_image: true\n");
+}
+
+// A file to start from: it says what each field means, and reading it changes nothing.
+TEST_F(OptionsTest, DescriptionIsACommentedConfiguration) {
+  RunOptions options;
+  const std::string text = DescribeOptions(CollectOptions(options));
+  EXPECT_EQ(text,
+            "# Which networks. (text)\npack: \"default\"\n# Of scores. (0 to 1)\nthreshold: 0.2\n"
+            "\n# How frames match.\ntracking:\n"
+            "  # Best scores kept. (1 to 4096)\n  max_keypoints: 350\n"
+            "  # Above it: a keyframe. (0.001 to 1 image widths)\n  parallax_ratio: 0.1\n"
+            "  # Stereo. (true or false)\n  use_right_image: true\n");
+  RunOptions read;
+  read.threshold = 0.9f;
+  Load(text, read);
+  EXPECT_EQ(DumpOptions(read), DumpOptions(options));
+}
+
+TEST_F(OptionsTest, TableHasASectionForEachGroup) {
+  RunOptions options;
+  EXPECT_EQ(TabulateOptions(CollectOptions(options)),
+            "| option | default | range, unit | meaning |\n|---|---|---|---|\n"
+            "| `pack` | `\"default\"` | text | Which networks. |\n"
+            "| `threshold` | `0.2` | 0 to 1 | Of scores. |\n"
+            "\n### tracking\n\nHow frames match.\n\n"
+            "| option | default | range, unit | meaning |\n|---|---|---|---|\n"
+            "| `max_keypoints` | `350` | 1 to 4096 | Best scores kept. |\n"
+            "| `parallax_ratio` | `0.1` | 0.001 to 1 image widths | Above it: a keyframe. |\n"
+            "| `use_right_image` | `true` | true or false | Stereo. |\n");
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ inline constexpr int kLineExtras = 9;
 // Maps of one image, row-major planes of height x width cells; cell (row, column) is the pixel
 // (stride * column + (stride - 1) / 2, stride * row + (stride - 1) / 2).
 struct LineMaps {
-  // 6 planes: logit of the confidence, a, b, c, e1, e2. The attraction field (paper, section IV-B)
+  // 6 planes: logit of the confidence, a, b, c, e1, e2. The attraction field (paper, eq. 1)
   // is d = reach * sigmoid(a), theta = the angle of (b, c), theta_1 = pi/2 * sigmoid(e1),
   // theta_2 = -pi/2 * sigmoid(e2): numbers whose relative precision survives bf16.
   const float* field = nullptr;

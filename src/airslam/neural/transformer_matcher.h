@@ -14,7 +14,7 @@
 
 namespace airslam {
 
-// A LightGlue-style transformer with early exit (paper, section IV-C): its layers come in stages,
+// A LightGlue-style transformer with early exit (paper, section V-B): its layers come in stages,
 // one network file each, and easy pairs need only the first.
 //
 // Every stage works on N points a side (the pack's `keypoints`); missing ones are masked.

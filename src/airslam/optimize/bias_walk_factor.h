@@ -7,7 +7,7 @@
 
 namespace airslam {
 
-// Walk of the biases from one state to the next (paper, section V-D.3, r_b), in sigmas: the
+// Walk of the biases from one state to the next (paper, section V-E.3, r_b), in sigmas: the
 // difference over random walk * sqrt(duration). Parameters: BiasParameter i (6), j (6).
 class BiasWalkFactor final : public ceres::SizedCostFunction<6, 6, 6> {
  public:

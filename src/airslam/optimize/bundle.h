@@ -58,7 +58,7 @@ struct BundleSummary {
   double line_rms = 0;     // the same of line ends' distances
 };
 
-// Bundle adjustment (paper, section V-D): Levenberg-Marquardt with the Schur complement, outliers
+// Bundle adjustment (paper, section V-E): Levenberg-Marquardt with the Schur complement, outliers
 // rejected half-way. A pure function: fixed iteration counts, one thread, no time limit. `rms` is
 // per pixel coordinate. An observation of a line is an outlier when its ends lie too far from the
 // projected line, or when the stretch that it shows would lie behind a camera.

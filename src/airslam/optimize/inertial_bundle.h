@@ -16,7 +16,7 @@
 
 namespace airslam {
 
-// The inertial part of a bundle adjustment (paper, section V-D.3): velocities and biases of
+// The inertial part of a bundle adjustment (paper, section V-E.3): velocities and biases of
 // keyframes, and what the IMU says of them. Empty without an IMU.
 struct InertialTerms {
   // A keyframe that has a velocity and biases.

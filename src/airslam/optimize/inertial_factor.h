@@ -27,7 +27,7 @@ inline ImuBias FromParameter(const BiasParameter& p) {
   return {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}};
 }
 
-// What the IMU says of two states i, j (paper, section V-D.3, eq. of r_R, r_v, r_p), in sigmas:
+// What the IMU says of two states i, j (paper, section V-E.3, eq. of r_R, r_v, r_p), in sigmas:
 // (rotation, velocity, position), weighted by the square root of the inverse covariance.
 // Parameters: PoseParameter i of world_from_cam (7), velocity i of the *body* in world (3),
 // BiasParameter i (6), pose j (7), velocity j (3), gravity in world (3: GravityManifold, or

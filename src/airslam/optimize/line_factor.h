@@ -18,7 +18,7 @@ struct LineObservation {
   double sigma = 1;                   // standard deviation of an end point across the line, pixels
 };
 
-// Line re-projection error (paper, section V-D, "Line Re-projection Error"), in units of sigma: the
+// Line re-projection error (paper, section V-E, "Line Re-projection Error"), in units of sigma: the
 // signed distances of the two observed end points from the projected line, of the left image and,
 // for a stereo observation, then of the right one: 2 or 4 residuals. Parameters: PoseParameter of
 // world_from_cam of the left camera (7), LineParameter of the line in the world (6). Derivatives

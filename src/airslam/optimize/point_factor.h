@@ -16,7 +16,7 @@ struct PointObservation {
   bool has_right() const { return right_x >= 0; }
 };
 
-// Point re-projection error (paper, eq. 11; signs: projected minus observed), in units of sigma:
+// Point re-projection error (paper, eq. 12; signs: projected minus observed), in units of sigma:
 // (u, v) or, for a stereo observation, (u, v, u_right). Parameters: PoseParameter of
 // world_from_cam (7), point_in_world (3). Derivatives are with respect to the plain quaternion
 // coefficients; the pose block needs a PoseManifold. Derivation: docs/factors.md.

@@ -28,7 +28,7 @@ struct PoseGraphSummary {
   double initial_rms = 0, final_rms = 0;  // of an edge's coordinate, in sigmas
 };
 
-// Pose graph optimization (paper, section V-E): Levenberg-Marquardt, sparse Cholesky. A pure
+// Pose graph optimization (paper, section VI-A): Levenberg-Marquardt, sparse Cholesky. A pure
 // function: fixed iteration count, one thread.
 PoseGraphSummary SolvePoseGraph(const PoseGraphOptions& options, PoseGraphProblem* problem);
 

@@ -16,7 +16,7 @@ struct RelativePose {
   Matrix6d covariance = Matrix6d::Identity();
 };
 
-// Residual Log(T_measured^-1 T_from^-1 T_to) in SE(3) (paper, section V-E, pose graph), order
+// Residual Log(T_measured^-1 T_from^-1 T_to) in SE(3) (paper, eq. 17), order
 // (rotation, position), in sigmas: times the inverse of the covariance's Cholesky factor.
 // Parameters: PoseParameter of world_from_cam of both (7, 7), with a PoseManifold. Derivatives are
 // those along it, times the quaternion's. Derivation: docs/factors.md.

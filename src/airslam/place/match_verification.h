@@ -51,7 +51,7 @@ struct PlaceMatch {
 };
 
 // Matches a view with a keyframe, finds the view's pose by PnP-RANSAC on the landmarks that the
-// keyframe sees, and refines it (paper, section VI-A for loops, VII for localization). How many
+// keyframe sees, and refines it (paper, section VI-A for loops, VI-B for localization). How many
 // inliers make it a loop or a place is the caller's to say. Deterministic. The matcher is used by
 // one thread at a time; the map is only read.
 PlaceMatch VerifyPlace(const PlaceView& view, const Map& map, const Keyframe& keyframe,

@@ -10,7 +10,7 @@
 
 namespace airslam {
 
-// The junctions of one image as vertices of a graph whose edges are lines (paper, section VII).
+// The junctions of one image as vertices of a graph whose edges are lines (paper, section VI-B).
 struct Junctions {
   DescriptorMatrix descriptors;            // N x D, rows of unit length
   std::vector<WordId> words;               // of each, in the junction vocabulary

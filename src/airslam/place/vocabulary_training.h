@@ -16,7 +16,7 @@ struct VocabularyOptions {
   int iterations = 15;  // of Lloyd's algorithm at every node, >= 1
   std::uint64_t seed = 1;
 
-  // Of junctions: trained on one map (design, section 1; paper, section VI-B).
+  // Of junctions: trained on one map (design, section 1; paper, section VI-A).
   static VocabularyOptions Junctions() { return {.levels = 3}; }
 
   // Throws Error that names the wrong field.

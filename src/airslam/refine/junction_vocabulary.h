@@ -5,7 +5,7 @@
 
 namespace airslam {
 
-// Prepares the map for relocalization (paper, section VI-B; place/place_index): trains the junction
+// Prepares the map for relocalization (paper, section VI-A; place/place_index): trains the junction
 // vocabulary on the map's own junctions, looks up the words of every keyframe and counts the
 // co-visibility of the whole map. The result is stored with the map. Without a keypoint vocabulary
 // it does nothing; with too few junctions it leaves the junction vocabulary out.

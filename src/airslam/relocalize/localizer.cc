@@ -34,16 +34,9 @@ bool Better(const PlaceMatch& a, const PlaceMatch& b) {
 }  // namespace
 
 void LocalizationOptions::Validate() const {
-  RequireOption(max_keypoints >= 1, "max_keypoints", max_keypoints, "must be at least 1");
-  RequireOption(min_score_share >= 0 && min_score_share < 1, "min_score_share", min_score_share,
-                "must be at least 0 and below 1");
-  RequireOption(candidates >= 1, "candidates", candidates, "must be at least 1");
-  RequireOption(min_inliers >= 4, "min_inliers", min_inliers, "must be at least 4");
+  RequireRanges(*this);
   RequireOption(sure_inliers > min_inliers, "sure_inliers", sure_inliers,
                 "must be more than min_inliers");
-  RequireOption(rival_share > 0 && rival_share <= 1, "rival_share", rival_share,
-                "must lie between 0 and 1");
-  RequireOption(rival_distance > 0, "rival_distance", rival_distance, "must be positive");
   verification.Validate();
 }
 

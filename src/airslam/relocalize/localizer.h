@@ -17,20 +17,44 @@
 
 namespace airslam {
 
+// Everything that `airslam localize --config` can change. What each field means stands in Visit.
 struct LocalizationOptions {
-  int max_keypoints = 400;       // of the query (paper, section VII), >= 1
-  double min_score_share = 0.3;  // stage 1: of the best score, 0..1
-  bool structure_graph = true;   // stage 2: filter by junctions where the map has their words
-  int candidates = 3;            // that stage 2 leaves, >= 1
-  int min_inliers = 20;          // a pose is valid with more inliers than this
-  // Candidates are verified in order; one with this many inliers, which would make a loop, ends the
-  // search.
+  int max_keypoints = 400;
+  double min_score_share = 0.3;
+  bool structure_graph = true;
+  int candidates = 3;
+  int min_inliers = 20;
   int sure_inliers = 50;
-  // No answer when another candidate has at least this share of the best one's inliers, but lies
-  // elsewhere (see below): places that look alike cannot be told apart by one image.
   double rival_share = 0.7;
-  double rival_distance = 1.0;  // metres
+  double rival_distance = 1.0;
   VerificationOptions verification = {};
+
+  template <class V>
+  void Visit(V& v) {
+    v.Field("max_keypoints", max_keypoints, {1, 100000},
+            "Keypoints detected in the query (paper, section VII-D).");
+    v.Field("min_score_share", min_score_share, {0, 0.99},
+            "Stage 1: keyframes below this share of the best score are left out.");
+    v.Field("structure_graph", structure_graph,
+            "Stage 2 filters by junctions where the map has their words (`--no-structure-graph`: "
+            "false).");
+    v.Field("candidates", candidates, {1, 1000},
+            "Keyframes that stage 2 leaves to be matched (`--candidates`).");
+    v.Field("min_inliers", min_inliers, {4, 10000}, "A pose is valid with more inliers than this.");
+    v.Field("sure_inliers", sure_inliers, {5, 100000},
+            "Candidates are verified in order; one with this many inliers, which would make a "
+            "loop, ends the search. More than min_inliers.");
+    v.Field("rival_share", rival_share, {0.01, 1},
+            "No answer when another candidate has at least this share of the best one's inliers "
+            "for a place farther away than `rival_distance`.");
+    v.Field("rival_distance", rival_distance, {0.001, 1e6, "m"},
+            "Places that look alike cannot be told apart by one image: see `rival_share`.");
+    v.Field("pixel_sigma", verification.pixel_sigma, {0.01, 100, "px"},
+            "Standard deviation of a keypoint: keypoints lie on whole pixels, and those of a night "
+            "and a day image differ by about one.");
+    v.Field("ransac_error", verification.ransac.max_error, {0.1, 100, "px"},
+            "What PnP-RANSAC takes for an inlier.");
+  }
 
   // Throws Error that names the wrong field.
   void Validate() const;
@@ -74,7 +98,7 @@ struct Localization {
   } milliseconds;
 };
 
-// Finds where an image was taken, from the image alone (paper, section VII; design, section 1):
+// Finds where an image was taken, from the image alone (paper, section VI-B; design, section 1):
 // 1 keyframes with similar keypoint words, 2 of these the best by junction words and structure
 // graph as well, 3 matching, PnP-RANSAC and refinement. One instance is used by one thread at a
 // time; any number of them may share one map. The answer depends on map, image and options only.

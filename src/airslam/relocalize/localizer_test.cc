@@ -209,8 +209,8 @@ TEST_F(LocalizerTest, SaysWhatIsWrong) {
   const auto with = [&](const LocalizationOptions& options) {
     return ErrorOf([&] { Localizer(*map_, detector, matcher, options); });
   };
-  EXPECT_THAT(with({.candidates = 0}), HasSubstr("candidates = 0"));
-  EXPECT_THAT(with({.min_inliers = 3}), HasSubstr("min_inliers = 3"));
+  EXPECT_THAT(with({.candidates = 0}), HasSubstr("candidates is 0"));
+  EXPECT_THAT(with({.min_inliers = 3}), HasSubstr("min_inliers is 3"));
   EXPECT_THAT(with({.sure_inliers = 20}), HasSubstr("sure_inliers = 20"));
   EXPECT_THAT(with({.rival_share = 0}), HasSubstr("rival_share"));
   const TemporaryFolder folder;

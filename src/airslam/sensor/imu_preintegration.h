@@ -29,7 +29,7 @@ using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using Matrix96d = Eigen::Matrix<double, 9, 6>;
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
 
-// Preintegrated readings between two times (paper, section V-D.3; Forster et al., "On-Manifold
+// Preintegrated readings between two times (paper, section V-E.3; Forster et al., "On-Manifold
 // Preintegration for Real-Time Visual-Inertial Odometry", 2017). Vectors of errors have the order
 // (rotation, velocity, position), where the rotation's error d is that of the right: true rotation
 // = rotation * Exp(d).
