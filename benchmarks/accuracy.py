@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import shlex
 import statistics
 import subprocess
@@ -24,21 +23,13 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import records
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 DEFAULT_SEQUENCES = ["kitti_00_first151", "warehouse_day", "warehouse_dynamic",
                      "euroc_v101_keyframes", "euroc_v101_start"]
 
-# Stereo without IMU, two CPU cores, ATE RMSE in metres of the body after SE(3) alignment. Source:
-# the task's own measurement (issue 3, "What must be shown"): ORB-SLAM3 with its loops closed
-# (final), Basalt causal.
-PEERS = {
-    "kitti_00_first151": {"ORB-SLAM3": "0.39 (151/151)", "Basalt": "0.31"},
-    "warehouse_day": {"ORB-SLAM3": "0.016 (0.012–0.027), causal 0.019; 29 ms wall, "
-                                   "44 ms CPU, 195 MB",
-                      "Basalt": "0.012 (other configuration: 0.59); 28 ms wall, 47 ms CPU, 97 MB"},
-    "warehouse_dynamic": {"ORB-SLAM3": "0.060 (0.012–0.109), 46–100 % of the frames",
-                          "Basalt": "4 to 7"},
-}
+PEERS = json.loads((REPOSITORY / "benchmarks/peers.json").read_text())["odometry"]
 
 
 @dataclass
@@ -56,6 +47,9 @@ class Run:
     peak_mb: float
     keyframes: int
     components: int
+    map_mb: float = 0      # size of map.db
+    images_mb: float = 0   # of both images of every frame, uncompressed
+    imu: str = ""          # state of the IMU in report.json: "used", or why not
     failure: str = ""
 
 
@@ -102,15 +96,19 @@ def measure(airslam: Path, sequence: Path, out: Path, extra: list[str]) -> Run:
     if code != 0:
         log = out.with_suffix(".log").read_text().strip().splitlines()
         return Run(sequence.name, 0, 0, None, None, wall, 0, 0, peak, 0, 0,
-                   f"exit code {code}: {log[-1] if log else ''}")
+                   failure=f"exit code {code}: {log[-1] if log else ''}")
     report = json.loads((out / "report.json").read_text())
     frames = report["frames"]
     posed = sum(1 for line in (out / "trajectory.tum").read_text().splitlines()
                 if line and line[0] != "#")
+    info = json.loads(subprocess.run([airslam, "info", out, "--json"], capture_output=True,
+                                     check=True).stdout)
+    pixels = info["calibration"]["width"] * info["calibration"]["height"]
     ates = [evaluate(airslam, sequence, out / name).get("ate_position_m", {}).get("rmse")
             for name in ("trajectory.tum", "trajectory_online.tum")]
     return Run(sequence.name, frames, posed, ates[0], ates[1], wall, frames / wall,
-               1000 * cpu / frames, peak, report.get("keyframes", 0), report.get("components", 0))
+               1000 * cpu / frames, peak, report["keyframes"], report["components"],
+               info["file_bytes"] / 1e6, 2 * frames * pixels / 1e6, report["inertial"]["state"])
 
 
 def spread(values: list[float | None], digits: int) -> str:
@@ -140,8 +138,8 @@ def table_row(runs: list[Run], compare: bool) -> list[str]:
                  spread([run.peak_mb for run in good], 0),
                  spread([float(run.keyframes) for run in good], 0)]
     if compare:
-        peers = PEERS.get(name, {})
-        cells += [peers.get("ORB-SLAM3", "–"), peers.get("Basalt", "–")]
+        peers = PEERS["ATE [m]"].get(name, {})
+        cells += [str(peers.get(peer, "–")) for peer in ("ORB-SLAM3", "Basalt")]
     return cells
 
 
@@ -155,25 +153,13 @@ def markdown(results: dict[str, list[Run]], compare: bool) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def git(*arguments: str) -> str:
-    """The answer of a git command in this repository, or nothing."""
-    result = subprocess.run(["git", "-C", str(REPOSITORY), *arguments], capture_output=True,
-                            text=True, check=False)
-    return result.stdout.strip()
-
-
-def conditions(airslam: Path, runs: int, extra: list[str]) -> str:
+def describe(about: dict, command: str, runs: int) -> str:
     """What the numbers hold for: commit, command, machine."""
-    changed = " with uncommitted changes in src/" if git("status", "--porcelain", "src") else ""
-    processor = next((line.split(":", 1)[1].strip()
-                      for line in Path("/proc/cpuinfo").read_text().splitlines()
-                      if line.startswith("model name")), platform.processor())
+    changed = " with uncommitted changes in src/ or models/" if about["changed"] else ""
     return "\n".join([
-        f"commit {git('rev-parse', '--short', 'HEAD')}{changed}, {time.strftime('%F %R %Z')}",
-        f"command: `{shlex.join([str(airslam), 'map', 'SEQUENCE', '--out', 'FOLDER', *extra])}`, "
-        f"{runs} run(s), median (range)",
-        f"machine: {len(os.sched_getaffinity(0))} × {processor}, load average before the start "
-        f"{os.getloadavg()[0]:.1f}",
+        f"commit {about['commit']}{changed}, {about['date']}",
+        f"command: `{command}`, {runs} run(s), median (range)",
+        f"machine: {about['machine']}, load average before the start {about['load_before']}",
     ])
 
 
@@ -200,6 +186,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/accuracy")
     parser.add_argument("--compare", action="store_true", help="columns of the peers")
     parser.add_argument("--pictures", action="store_true", help="a picture a sequence, into --out")
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     parser.add_argument("extra", nargs="*", help="after --: options of `airslam map`")
     return parser.parse_args()
 
@@ -208,7 +195,8 @@ def main() -> int:
     arguments = parse()
     if not arguments.airslam.exists():
         raise SystemExit(f"accuracy: {arguments.airslam} is missing; run `make build`")
-    about = conditions(arguments.airslam, arguments.runs, arguments.extra)
+    about = records.conditions()
+    command = shlex.join(["airslam", "map", "SEQUENCE", "--out", "FOLDER", *arguments.extra])
     results: dict[str, list[Run]] = {}
     for name in arguments.sequences:
         sequence = arguments.root / name
@@ -223,11 +211,16 @@ def main() -> int:
                   file=sys.stderr)
     if not results:
         raise SystemExit(f"accuracy: none of the sequences is in {arguments.root}")
-    text = f"{about}\n\n{markdown(results, arguments.compare)}\n"
+    text = f"{describe(about, command, arguments.runs)}\n\n{markdown(results, arguments.compare)}\n"
     arguments.out.mkdir(parents=True, exist_ok=True)
     (arguments.out / "accuracy.md").write_text(text)
     (arguments.out / "accuracy.json").write_text(json.dumps(
         {name: [asdict(run) for run in runs] for name, runs in results.items()}, indent=2) + "\n")
+    if arguments.json:
+        records.write(arguments.json, about, command,
+                      "ATE: RMSE of the body's positions after SE(3) alignment, every frame of the "
+                      "trajectory, no loop closing; CPU and memory of the whole process",
+                      {name: [asdict(run) for run in runs] for name, runs in results.items()})
     print(text, end="")
     if arguments.pictures:  # last: matplotlib's memory would count as a child's before its exec
         for name, runs in results.items():

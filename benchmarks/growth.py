@@ -23,6 +23,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import records
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 START_NS = 1_800_000_000_000_000_000
 
@@ -99,33 +101,39 @@ def thirds(values: list[float]) -> tuple[list[float], list[float]]:
     return values[:third], values[-third:]
 
 
-def compare_thirds(name: str, values: list[float], unit: str) -> str:
-    """One row of the table: medians of the first and the last third."""
-    first, last = (statistics.median(part) for part in thirds(values))
-    return (f"| {name} | {first:.1f} {unit} | {last:.1f} {unit} | "
-            f"{100 * (last / first - 1) if first else 0:+.0f} % |")
-
-
-def summarize(report: dict, trace: MemoryTrace, map_bytes: int) -> str:
-    """The table, and how the map grew meanwhile."""
+def measure(report: dict, trace: MemoryTrace, map_bytes: int) -> dict:
+    """What happened in the whole run, and medians of its first and last third."""
     states = report["frame_states"]
-    tracked = sum(state["state"] in ("tracked", "initialized") for state in states)
     keyframe_at = [i for i, state in enumerate(states) if state.get("keyframe")]
-    in_thirds = [sum(lo <= i < hi for i in keyframe_at) for lo, hi in
-                 ((0, len(states) // 3), (2 * len(states) // 3, len(states)))]
-    rows = ["| | first third | last third | change |", "|---|---|---|---|"]
     times = [float(state["ms"]) for state in states if "ms" in state]
-    if times:
-        rows.append(compare_thirds("tracking of a frame, median", times, "ms"))
-    if trace.megabytes:
-        rows.append(compare_thirds("resident memory, median", trace.megabytes, "MB"))
-    rows.append(f"| new keyframes | {in_thirds[0]} | {in_thirds[1]} | |")
-    peak = max(trace.megabytes, default=0.0)
+    count = len(states)
+    return {
+        "frames": count,
+        "tracked": sum(state["state"] in ("tracked", "initialized") for state in states),
+        "wall_seconds": trace.wall_seconds,
+        "frames_per_second": count / trace.wall_seconds,
+        "keyframes": report["keyframes"], "landmarks": report["landmarks"],
+        "map_mb": map_bytes / 1e6, "peak_mb": max(trace.megabytes, default=0.0),
+        "thirds": {
+            "tracking of a frame, median, ms": [statistics.median(part) for part in thirds(times)],
+            "resident memory, median, MB": [statistics.median(part)
+                                            for part in thirds(trace.megabytes)],
+            "new keyframes": [sum(lo <= i < hi for i in keyframe_at) for lo, hi in
+                              ((0, count // 3), (2 * count // 3, count))],
+        },
+    }
+
+
+def summarize(result: dict) -> str:
+    """The table, and how the map grew meanwhile."""
+    rows = ["| | first third | last third | change |", "|---|---|---|---|"]
+    rows += [f"| {name} | {first:.1f} | {last:.1f} | {100 * (last / first - 1):+.0f} % |"
+             for name, (first, last) in result["thirds"].items()]
     return "\n".join([
-        f"{len(states)} frames, {tracked} tracked, {trace.wall_seconds:.1f} s, "
-        f"{len(states) / trace.wall_seconds:.1f} frames/s; {report['keyframes']} keyframes, "
-        f"{report['landmarks']} landmarks, map.db {map_bytes / 1e6:.1f} MB, peak {peak:.0f} MB", "",
-        *rows])
+        f"{result['frames']} frames, {result['tracked']} tracked, {result['wall_seconds']:.1f} s, "
+        f"{result['frames_per_second']:.1f} frames/s; {result['keyframes']} keyframes, "
+        f"{result['landmarks']} landmarks, map.db {result['map_mb']:.1f} MB, peak "
+        f"{result['peak_mb']:.0f} MB", "", *rows])
 
 
 def draw(file: Path, report: dict, trace: MemoryTrace) -> None:
@@ -168,6 +176,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--rate", type=float, default=10, help="frames a second")
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/growth")
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     parser.add_argument("extra", nargs="*", help="after --: options of `airslam map`")
     return parser.parse_args()
 
@@ -176,6 +185,7 @@ def main() -> int:
     arguments = parse()
     if not arguments.airslam.exists():
         raise SystemExit(f"growth: {arguments.airslam} is missing; run `make build`")
+    about = records.conditions()
     arguments.out.mkdir(parents=True, exist_ok=True)
     sequence, result = arguments.out / "sequence", arguments.out / "result"
     make_long_sequence(arguments.source, sequence, round(arguments.minutes * 60 * arguments.rate),
@@ -186,7 +196,13 @@ def main() -> int:
     if trace.exit_code != 0:
         raise SystemExit(f"growth: airslam map ended with {trace.exit_code}; see {log}")
     report = json.loads((result / "report.json").read_text())
-    text = summarize(report, trace, (result / "map.db").stat().st_size)
+    measured = measure(report, trace, (result / "map.db").stat().st_size)
+    text = summarize(measured)
+    if arguments.json:
+        command = " ".join(["airslam map SEQUENCE --out FOLDER", *arguments.extra])
+        records.write(arguments.json, about, command,
+                      f"{arguments.source.name} forth and back, {arguments.minutes:g} minutes at "
+                      f"{arguments.rate:g} frames/s, without IMU", measured)
     (arguments.out / "growth.md").write_text(text + "\n")
     draw(arguments.out / "growth.png", report, trace)
     print(text)

@@ -24,6 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
+import records
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
@@ -101,11 +103,11 @@ def ate(airslam: Path, truth: Truth, out: Path) -> float:
     return json.loads(answer.read_text())["ate_position_m"]["rmse"]
 
 
-def print_states(truth: Truth, out: Path, report: dict) -> None:
+def states(truth: Truth, out: Path, report: dict) -> dict:
+    """How far gravity, biases and speed are from the truth; why the IMU was not used, if so."""
     inertial = report["inertial"]
     if inertial["state"] != "used":
-        print(f"  IMU not used: {inertial['state']}: {inertial['reason']}")
-        return
+        return {"state": inertial["state"], "reason": inertial["reason"]}
     times, _, rotation = read_tum(out / "trajectory.tum")
     index = truth.at(times)
     cosine = np.clip((rotation[:, 2, :] * truth.rotation[index][:, 2, :]).sum(1), -1, 1)
@@ -116,10 +118,22 @@ def print_states(truth: Truth, out: Path, report: dict) -> None:
         gyroscope.append(np.linalg.norm(state[3:6] - row[11:14]))
         accelerometer.append(np.linalg.norm(state[6:9] - row[14:17]))
         velocity.append(abs(np.linalg.norm(state[:3]) - np.linalg.norm(row[8:11])))
-    print(f"  initialised after {inertial['starts'][0]['seconds']:.1f} s, gravity "
-          f"{np.degrees(np.arccos(cosine)).mean():.3f} deg, at keyframes: gyroscope bias "
-          f"{max(gyroscope):.5f} rad/s, accelerometer bias {max(accelerometer):.3f} m/s^2 (largest), "
-          f"speed {np.sqrt(np.mean(np.square(velocity))):.4f} m/s (rms)")
+    return {"state": "used", "initialised_after_s": inertial["starts"][0]["seconds"],
+            "gravity_deg": float(np.degrees(np.arccos(cosine)).mean()),
+            "gyroscope_rad_s": float(max(gyroscope)),
+            "accelerometer_m_s2": float(max(accelerometer)),
+            "speed_rms_m_s": float(np.sqrt(np.mean(np.square(velocity))))}
+
+
+def print_states(result: dict) -> None:
+    if result["state"] != "used":
+        print(f"  IMU not used: {result['state']}: {result['reason']}")
+        return
+    print(f"  initialised after {result['initialised_after_s']:.1f} s, gravity "
+          f"{result['gravity_deg']:.3f} deg, at keyframes: gyroscope bias "
+          f"{result['gyroscope_rad_s']:.5f} rad/s, accelerometer bias "
+          f"{result['accelerometer_m_s2']:.3f} m/s^2 (largest), "
+          f"speed {result['speed_rms_m_s']:.4f} m/s (rms)")
 
 
 def blackout_error(truth: Truth, file: Path, begin: float, seconds: float) -> float:
@@ -133,31 +147,60 @@ def blackout_error(truth: Truth, file: Path, begin: float, seconds: float) -> fl
     return float(np.linalg.norm(moved - really))
 
 
+def blackout(airslam: Path, sequence: Path, truth: Truth, folder: Path, begin: float,
+             seconds: float, extra: list[str]) -> dict:
+    dark, result = folder / f"dark{seconds}", folder / f"result{seconds}"
+    with_blackout(sequence, dark, begin, seconds)
+    report = run(airslam, dark, result, *extra)
+    online, final = (blackout_error(truth, result / name, begin, seconds)
+                     for name in ("trajectory_online.tum", "trajectory.tum"))
+    return {"seconds": seconds, "online_m": online, "final_m": final,
+            "frames_inertial": report["frames_inertial"],
+            "frames_without_pose": report["frames"] - report["frames_with_pose"]}
+
+
+def measure(sequence: Path, arguments: argparse.Namespace) -> dict:
+    """Stereo beside stereo with IMU, and the blackouts that were asked for."""
+    truth, airslam = Truth(sequence), arguments.airslam
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        run(airslam, sequence, out / "stereo", "--no-imu", *arguments.extra)
+        report = run(airslam, sequence, out / "imu", *arguments.extra)
+        result = {"frames": report["frames"], "frames_in_trajectory": report["frames_in_trajectory"],
+                  "ate_stereo_m": ate(airslam, truth, out / "stereo"),
+                  "ate_imu_m": ate(airslam, truth, out / "imu"),
+                  "states": states(truth, out / "imu", report), "blackouts": []}
+        print(f"{sequence.name}: ATE {result['ate_stereo_m']:.4f} m stereo, "
+              f"{result['ate_imu_m']:.4f} m with the IMU")
+        print_states(result["states"])
+        for seconds in arguments.blackouts if arguments.blackout_at is not None else []:
+            dark = blackout(airslam, sequence, truth, out, arguments.blackout_at, seconds,
+                            arguments.extra)
+            result["blackouts"].append(dark)
+            print(f"  black for {seconds} s: {dark['online_m']:.4f} m at its end, "
+                  f"{dark['final_m']:.4f} m finally; {dark['frames_inertial']} frames by the IMU, "
+                  f"{dark['frames_without_pose']} without a pose")
+    return result
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--blackout-at", type=float, help="seconds from the first frame")
     parser.add_argument("--blackouts", type=float, nargs="*", default=[0.5, 1, 2, 4])
+    parser.add_argument("--no-lines", dest="extra", action="store_const", const=["--no-lines"],
+                        default=[], help="map without lines")
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     arguments = parser.parse_args()
-    for sequence in arguments.sequences:
-        truth = Truth(sequence)
-        with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder)
-            run(arguments.airslam, sequence, out / "stereo", "--no-imu")
-            report = run(arguments.airslam, sequence, out / "imu")
-            print(f"{sequence.name}: ATE {ate(arguments.airslam, truth, out / 'stereo'):.4f} m stereo, "
-                  f"{ate(arguments.airslam, truth, out / 'imu'):.4f} m with the IMU")
-            print_states(truth, out / "imu", report)
-            for seconds in arguments.blackouts if arguments.blackout_at is not None else []:
-                dark, result = out / f"dark{seconds}", out / f"result{seconds}"
-                with_blackout(sequence, dark, arguments.blackout_at, seconds)
-                report = run(arguments.airslam, dark, result)
-                online, final = (blackout_error(truth, result / name, arguments.blackout_at, seconds)
-                                 for name in ("trajectory_online.tum", "trajectory.tum"))
-                print(f"  black for {seconds} s: {online:.4f} m at its end, {final:.4f} m finally; "
-                      f"{report['frames_inertial']} frames by the IMU, "
-                      f"{report['frames'] - report['frames_with_pose']} without a pose")
+    about = records.conditions()
+    results = {sequence.name: measure(sequence, arguments) for sequence in arguments.sequences}
+    if arguments.json:
+        at = f"; images black from {arguments.blackout_at:g} s on" if arguments.blackout_at else ""
+        records.write(arguments.json, about,
+                      " ".join(["airslam map SEQUENCE --out FOLDER", *arguments.extra]),
+                      "ATE: RMSE of the body after SE(3) alignment, all frames; gravity: mean angle "
+                      "over all frames; biases: the largest error at any keyframe" + at, results)
 
 
 if __name__ == "__main__":

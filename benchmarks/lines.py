@@ -22,13 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
+import records
+
 try:
     import cv2
 except ImportError:
     cv2 = None
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-AIRSLAM = REPOSITORY / "build/bin/airslam"
 RADIUS = 5.0  # pixels
 
 
@@ -38,7 +39,10 @@ def images(sequence: Path) -> list[Path]:
 
 
 def run(*arguments: object) -> None:
-    subprocess.run([AIRSLAM, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([run.program, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+run.program = REPOSITORY / "build/bin/airslam"
 
 
 def table(file: Path, columns: int) -> np.ndarray:
@@ -144,23 +148,46 @@ def measure(pairs: list[tuple[Path, Path]], min_score: float) -> dict[str, list[
     return sums
 
 
+def summarize(sums: dict[str, list[float]], pairs: int) -> dict:
+    """Means over the pairs, and shares."""
+    result = {"pairs": pairs}
+    for name in ("PLNet", "LSD"):
+        if name in sums:
+            total, ends, line = sums[name]
+            result[name] = {"lines": float(total / pairs), "same_ends": float(ends / total),
+                            "same_line": float(line / total)}
+    count, right, possible = sums["matches"]
+    result["matches"] = {"count": float(count / pairs), "possible": float(possible / pairs),
+                         "right": float(right / max(count, 1))}
+    return result
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("first", type=Path)
     parser.add_argument("second", type=Path)
     parser.add_argument("--every", type=int, default=10, help="take every n-th frame")
     parser.add_argument("--min-score", type=float, default=0.4)
+    parser.add_argument("--airslam", type=Path, default=run.program)
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     arguments = parser.parse_args()
+    run.program = arguments.airslam
+    about = records.conditions()
     pairs = list(zip(images(arguments.first), images(arguments.second)))[::arguments.every]
-    sums = measure(pairs, arguments.min_score)
+    result = summarize(measure(pairs, arguments.min_score), len(pairs))
     for name in ("PLNet", "LSD"):
-        if name in sums:
-            total, ends, line = sums[name]
-            print(f"{name:6s} {total / len(pairs):6.1f} lines an image; found again: both ends "
-                  f"{ends / total:.3f}, the line {line / total:.3f}")
-    count, right, possible = sums["matches"]
-    print(f"matched by points: {count / len(pairs):.1f} an image of {possible / len(pairs):.1f} "
-          f"that are there, {right / max(count, 1):.3f} of them right")
+        if name in result:
+            print(f"{name:6s} {result[name]['lines']:6.1f} lines an image; found again: both ends "
+                  f"{result[name]['same_ends']:.3f}, the line {result[name]['same_line']:.3f}")
+    matches = result["matches"]
+    print(f"matched by points: {matches['count']:.1f} an image of {matches['possible']:.1f} "
+          f"that are there, {matches['right']:.3f} of them right")
+    if arguments.json:
+        records.write(arguments.json, about,
+                      f"airslam detect, airslam features; lines of score {arguments.min_score:g} "
+                      "and more",
+                      f"{arguments.first.name} and {arguments.second.name} at equal poses, every "
+                      f"{arguments.every}th frame; found again: both ends within 5 px", result)
 
 
 if __name__ == "__main__":

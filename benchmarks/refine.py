@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+import records
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 FALSE_METRES, FALSE_DEGREES = 0.5, 5.0
 
@@ -87,8 +89,8 @@ def evaluate(airslam: Path, truth: Truth, map_file: Path) -> dict:
 
 
 def refine(airslam: Path, sequence: Path, out: Path, arguments: list[str], model: list[str],
-           name: str) -> str:
-    """One row of the table."""
+           name: str) -> dict:
+    """Maps and refines one sequence."""
     truth = Truth(sequence)
     subprocess.run([airslam, "map", sequence, "--out", out / "map", *arguments, *model], check=True,
                    capture_output=True)
@@ -100,12 +102,22 @@ def refine(airslam: Path, sequence: Path, out: Path, arguments: list[str], model
     after = evaluate(airslam, truth, refined)
     loops = next((s.get("loops", []) for s in report["steps"] if s["name"] == "loop_closure"), [])
     false, largest = false_loops(truth, airslam, refined, loops)
-    times = ", ".join(f"{step['seconds']:.1f}" for step in report["steps"])
-    error = after["ate_position_m"]["rmse"]
-    return (f"| {name} | {report['after']['keyframes']} | {before['path_length_m']:.1f} | "
-            f"{before['ate_position_m']['rmse']:.4f} | {error:.4f} | "
-            f"{100 * error / before['path_length_m']:.2f} | {len(loops)} | {false} | {largest:.3f} | "
-            f"{times} | {report['memory_peak_mib']:.0f} |")
+    return {"name": name, "keyframes": report["after"]["keyframes"],
+            "path_m": before["path_length_m"], "before_m": before["ate_position_m"]["rmse"],
+            "after_m": after["ate_position_m"]["rmse"], "loops": len(loops), "false": false,
+            "largest_loop_error_m": float(largest),
+            "seconds": {step["name"]: step["seconds"] for step in report["steps"]},
+            "peak_mib": report["memory_peak_mib"]}
+
+
+def row(result: dict) -> str:
+    """One row of the table."""
+    times = ", ".join(f"{seconds:.1f}" for seconds in result["seconds"].values())
+    return (f"| {result['name']} | {result['keyframes']} | {result['path_m']:.1f} | "
+            f"{result['before_m']:.4f} | {result['after_m']:.4f} | "
+            f"{100 * result['after_m'] / result['path_m']:.2f} | {result['loops']} | "
+            f"{result['false']} | {result['largest_loop_error_m']:.3f} | "
+            f"{times} | {result['peak_mib']:.0f} |")
 
 
 def main() -> None:
@@ -114,8 +126,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/refine")
     parser.add_argument("--model", help="model pack: a name or a folder")
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     arguments = parser.parse_args()
-    rows = []
+    about = records.conditions()
+    results = []
     for sequence in arguments.sequences:
         modes = [("stereo", ["--no-imu"])]
         if (sequence / "mav0/imu0").exists():
@@ -124,13 +138,17 @@ def main() -> None:
         for mode, options in modes:
             out = arguments.out / f"{sequence.name}_{mode}"
             out.mkdir(parents=True, exist_ok=True)
-            rows.append(refine(arguments.airslam, sequence, out, options, model,
-                               f"{sequence.name}, {mode}"))
-            print(rows[-1], flush=True)
+            results.append(refine(arguments.airslam, sequence, out, options, model,
+                                  f"{sequence.name}, {mode}"))
+            print(row(results[-1]), flush=True)
     print("| sequence | keyframes | path, m | ATE before, m | after, m | after, % of path | loops | "
           "false | largest loop error, m | seconds a step | peak, MiB |")
     print("|" + "---|" * 11)
-    print("\n".join(rows))
+    print("\n".join(map(row, results)))
+    if arguments.json:
+        records.write(arguments.json, about, "airslam map [--no-imu], airslam refine",
+                      "RMSE of keyframe positions after SE(3) alignment, before and after; a loop is "
+                      "false when half a metre or 5 degrees from the truth's relative pose", results)
 
 
 if __name__ == "__main__":

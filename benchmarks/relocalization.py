@@ -28,6 +28,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+import records
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROGRAM = REPOSITORY / "build/bin/airslam"
 STAGES = ["undistort", "detect", "retrieve", "filter", "verify"]
@@ -207,7 +209,8 @@ def errors(found: Poses, truth: Poses, r: np.ndarray, t: np.ndarray) -> tuple[np
 
 
 def report(name: str, map_truth: Poses, truth: Poses, map_file: Path, queries: Path, camera: Path, out: Path,
-           candidates: list[int], threads: int) -> None:
+           candidates: list[int], threads: int) -> list[dict]:
+    results = []
     worlds = {component: align(poses, at(map_truth, poses.times)) for component, poses in map_poses(map_file).items()}
     print(f"\n### {name}\n")
     print("| candidates | structure graph | ≤ 0.25 m, 2° | ≤ 2 m, 15° | wrong (> 2 m) | refused | median error | queries/s |"
@@ -224,28 +227,37 @@ def report(name: str, map_truth: Poses, truth: Poses, map_file: Path, queries: P
             near = int(((metres <= 0.25) & (degrees <= 2)).sum())
             far = int(((metres <= 2) & (degrees <= 15)).sum())
             n = outcome.queries
+            stage_ms = {stage: statistics.median(outcome.stage_ms[stage]) for stage in STAGES}
+            results.append({"candidates": count, "structure_graph": graph, "queries": n, "near": near, "far": far,
+                            "wrong": int((metres > 2).sum()), "refused": n - len(metres),
+                            "median_m": float(np.median(metres)) if len(metres) else None,
+                            "median_deg": float(np.median(degrees)) if len(metres) else None,
+                            "queries_per_second": outcome.per_second, "stage_ms": stage_ms})
             median = f"{np.median(metres):.3f} m, {np.median(degrees):.2f}°" if len(metres) else "–"
-            stages = " / ".join(f"{statistics.median(outcome.stage_ms[s]):.2f}" for s in STAGES)
+            stages = " / ".join(f"{ms:.2f}" for ms in stage_ms.values())
             print(f"| {count} | {'yes' if graph else 'no'} | {near / n:.1%} | {far / n:.1%} | {int((metres > 2).sum())} |"
                   f" {n - len(metres)} | {median} | {outcome.per_second:.1f} | {stages} |", flush=True)
+    return results
 
 
-def night(root: Path, out: Path, options: argparse.Namespace) -> None:
+def night(root: Path, out: Path, options: argparse.Namespace) -> list[dict]:
     map_file = make_map(root / "warehouse_day", out / "warehouse_day", options.refine)
     queries = root / "warehouse_night_queries"
-    report("night", read_euroc(root / "warehouse_day/mav0/state_groundtruth_estimate0/data.csv"),
-           read_tum(queries / "poses.tum"), map_file, queries / "data", queries / "sensor.yaml", out, options.candidates, options.threads)
+    return report("night", read_euroc(root / "warehouse_day/mav0/state_groundtruth_estimate0/data.csv"),
+                  read_tum(queries / "poses.tum"), map_file, queries / "data", queries / "sensor.yaml", out,
+                  options.candidates, options.threads)
 
 
-def euroc(root: Path, out: Path, options: argparse.Namespace) -> None:
+def euroc(root: Path, out: Path, options: argparse.Namespace) -> list[dict]:
     dataset = root / "euroc_v101_keyframes"
     mapping, queries = reduced_euroc(dataset, out)
     map_file = make_map(mapping, out / "euroc", options.refine)
     truth = read_euroc(dataset / "mav0/state_groundtruth_estimate0/data.csv")
-    report("euroc", truth, truth, map_file, queries, dataset / "mav0/cam0/sensor.yaml", out, options.candidates, options.threads)
+    return report("euroc", truth, truth, map_file, queries, dataset / "mav0/cam0/sensor.yaml", out, options.candidates,
+                  options.threads)
 
 
-def photos(root: Path, out: Path, options: argparse.Namespace) -> None:
+def photos(root: Path, out: Path, options: argparse.Namespace) -> dict:
     """Photos, cut and scaled to the size of the warehouse's images, as if seen by a camera without distortion."""
     map_file = make_map(root / "warehouse_day", out / "warehouse_day", options.refine)
     folder = out / "photos"
@@ -265,8 +277,10 @@ def photos(root: Path, out: Path, options: argparse.Namespace) -> None:
     outcome = localize(map_file, folder, camera, "--threads", str(options.threads))
     (out / "photos.txt").write_text("\n".join(outcome.lines) + "\n")
     inliers = [int(m[1]) for m in (re.search(r"refused at verify: (\d+) of", line) for line in outcome.lines) if m]
-    print(f"\n### photos\n\n{sum(len(p.times) for p in outcome.poses.values())} of {outcome.queries} located (must be 0); largest number of inliers"
+    located = sum(len(p.times) for p in outcome.poses.values())
+    print(f"\n### photos\n\n{located} of {outcome.queries} located (must be 0); largest number of inliers"
           f" of a refusal: {max(inliers)}")
+    return {"queries": outcome.queries, "located": located, "most_inliers": max(inliers)}
 
 
 def main() -> None:
@@ -278,11 +292,19 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--program", type=Path, default=PROGRAM)
     parser.add_argument("--refine", action="store_true")
+    parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     options = parser.parse_args()
+    about = records.conditions()
     run.program = options.program
     options.out.mkdir(parents=True, exist_ok=True)
-    for name in options.only:
-        {"night": night, "euroc": euroc, "photos": photos}[name](options.root, options.out, options)
+    results = {name: {"night": night, "euroc": euroc, "photos": photos}[name](options.root, options.out, options)
+               for name in options.only}
+    if options.json:
+        refined = ", airslam refine" if options.refine else ""
+        records.write(options.json, about, f"airslam map{refined}, airslam localize --threads {options.threads}",
+                      "night: map of warehouse_day, queries warehouse_night_queries; euroc: map of three of every four "
+                      "frames of euroc_v101_keyframes, queries the fourth; photos: of other places, none may be located; "
+                      "each component of a map aligned to the ground truth by its keyframes", results)
 
 
 if __name__ == "__main__":
