@@ -7,6 +7,7 @@
 #   make sanitize  every test under AddressSanitizer and UndefinedBehaviorSanitizer
 #   make tsan      the queue, pipeline and shared-map tests under ThreadSanitizer (some minutes)
 #   make bench     the micro-benchmarks
+#   make docs      the site of docs/: out/site/index.html
 #   make format    clang-format over src/
 #   make clean     removes what was built; the set-up stays
 
@@ -15,7 +16,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := build
-.PHONY: setup build test demo sanitize tsan bench format clean
+.PHONY: setup build test demo sanitize tsan bench docs format clean
 
 CTEST := ctest --output-on-failure -j$(JOBS)
 # Debug for its assertions (Eigen's too), optimised so that the tests still end in minutes.
@@ -55,6 +56,9 @@ bench: setup
 	  -DAIRSLAM_BENCHMARKS=ON
 	ninja -C build-bench -j$(JOBS)
 	for program in build-bench/bin/*_benchmark; do "$$program"; done
+
+docs:
+	@scripts/docs/build.sh
 
 format:
 	@command -v clang-format >/dev/null || { echo "apt-get install clang-format" >&2; exit 1; }

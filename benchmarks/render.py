@@ -251,20 +251,20 @@ def standing(odometry: Odometry, relocalization: dict | None) -> str:
     def add(what: str, ours: float | None, other: str, theirs: float, digits: int, unit: str,
             less: bool = True) -> None:
         if ours is not None:
-            shown = round(ours, digits)
-            rows.append([what, f"{shown:.{digits}f}{unit}", f"{theirs:g}{unit}", other,
+            shown = round(ours, digits)  # as many digits as are known of theirs
+            rows.append([what, f"{shown:.{digits}f}{unit}", f"{theirs:.{digits}f}{unit}", other,
                          verdict(shown, theirs, less)])
 
     best = "odometry_stereo_lines"
     for sequence, peers in PEERS["odometry"]["ATE [m]"].items():
         for peer, ate in peers.items():
             add(f"ATE, {SEQUENCES[sequence]}, stereo with lines",
-                odometry.value(best, sequence, "ate"), peer, ate, 3, " m")
+                odometry.value(best, sequence, "ate"), peer, ate, max(2, len(str(ate).split(".")[1])), " m")
     for peer, cost in PEERS["odometry"]["warehouse_day cost"].items():
         for key, name, digits, unit, less in (
                 ("cpu_ms", "core-ms a frame", 0, "", True),
                 ("frames_per_second", "frames/s", 0, "", False),
-                ("peak_mb", "peak memory", 0, " MB", True)):
+                ("peak_mb", "peak memory", 0, " MB", True)):
             add(f"{name}, warehouse by day, with lines", odometry.value(best, "warehouse_day", key),
                 peer, cost[key], digits, unit, less)
     paper = PEERS["paper"]
@@ -275,16 +275,16 @@ def standing(odometry: Odometry, relocalization: dict | None) -> str:
     size, images = (odometry.value(best, "warehouse_day", key) for key in ("map_mb", "images_mb"))
     if size and images:
         add("map with lines, share of the raw images", 100 * size / images, "the paper, OIVIO",
-            100 * paper["map_share"], 1, " %")
+            100 * paper["map_share"], 1, " %")
     first = next((r for r in (relocalization or {"results": {}})["results"].get("night", [])
                   if r["structure_graph"]), None)
     if first:
         add("night queries within 2 m, 15°", 100 * first["far"] / first["queries"],
-            "the paper, TartanAir", 100 * paper["night_recall"], 1, " %", False)
+            "the paper, TartanAir", 100 * paper["night_recall"], 1, " %", False)
         add("night queries/s", first["queries_per_second"], "aim", paper["queries_per_second"], 0,
             "", False)
         add("filtering by junctions", first["stage_ms"]["filter"], "the paper",
-            paper["structure_graph_ms"], 1, " ms")
+            paper["structure_graph_ms"], 1, " ms")
     methods = dict(line_detection())
     ours = methods["ours (`airslam detect`)"]
     for method in ("M-LSD large", "OpenCV LSD"):

@@ -1,0 +1,6 @@
+# The documentation says what the program and the records say, and its links lead somewhere.
+find_program(DOCUMENTATION_PYTHON python3 REQUIRED PATHS /usr/bin NO_DEFAULT_PATH)
+add_test(NAME docs.generated COMMAND ${DOCUMENTATION_PYTHON} ${CMAKE_SOURCE_DIR}/scripts/docs/generate.py
+         --check --airslam $<TARGET_FILE:airslam>)
+add_test(NAME docs.benchmarks COMMAND ${DOCUMENTATION_PYTHON} ${CMAKE_SOURCE_DIR}/benchmarks/render.py --check)
+add_test(NAME docs.links COMMAND ${DOCUMENTATION_PYTHON} ${CMAKE_SOURCE_DIR}/scripts/docs/check_links.py)
