@@ -11,7 +11,6 @@ import json
 import os
 import platform
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -49,7 +48,6 @@ def write(file: Path, about: dict, configuration: str, protocol: str, results: o
     """Writes one record. configuration: options and model pack; protocol: how it was measured."""
     record = {
         **about,
-        "command": " ".join(["python", *map(str, [Path(sys.argv[0]).name, *sys.argv[1:]])]),
         "configuration": configuration,
         "protocol": protocol,
         "results": results,

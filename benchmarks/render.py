@@ -25,6 +25,7 @@ SEQUENCES = {
     "warehouse_dynamic": "warehouse, lamps switched and dimmed",
     "euroc_v101_keyframes": "EuRoC V1_01, 100 frames in 135 s",
 }
+STARTS = {"euroc_v101_start": "EuRoC V1_01, its first second, at rest"}
 MODES = {
     "odometry_stereo_points": "stereo, points",
     "odometry_stereo_lines": "stereo, points and lines",
@@ -146,18 +147,21 @@ def lines_section(odometry: Odometry) -> str:
                       "sets.", ""])
 
 
-def inertial_section(record: dict) -> str:
+def inertial_section(record: dict, others: dict | None) -> str:
+    """others: sequences without blackouts."""
     text = ["## The IMU", "", provenance(record)]
     rows, dark = [], []
-    for sequence, r in record["results"].items():
+    names = SEQUENCES | STARTS
+    results = record["results"] | (others["results"] if others else {})
+    for sequence, r in results.items():
         s = r["states"]
-        rows.append([SEQUENCES.get(sequence, sequence), f"{r['frames_in_trajectory']}/{r['frames']}",
+        rows.append([names.get(sequence, sequence), f"{r['frames_in_trajectory']}/{r['frames']}",
                      number(r["ate_stereo_m"], 4), number(r["ate_imu_m"], 4),
                      *([f"{s['initialised_after_s']:.1f} s", f"{s['gravity_deg']:.2f}°",
                         f"{s['gyroscope_rad_s']:.1e} rad/s",
                         f"{s['accelerometer_m_s2']:.3f} m/s²"] if s["state"] == "used"
                        else [s["state"], "–", "–", "–"])])
-        dark += [[SEQUENCES.get(sequence, sequence), f"{b['seconds']:g} s", number(b["online_m"], 4),
+        dark += [[names.get(sequence, sequence), f"{b['seconds']:g} s", number(b["online_m"], 4),
                   number(b["final_m"], 4), str(b["frames_inertial"]),
                   str(b["frames_without_pose"])] for b in r["blackouts"]]
     text.append(table(["sequence", "frames", "ATE stereo [m]", "with the IMU [m]",
@@ -301,9 +305,11 @@ def page(folder: Path = records.RESULTS) -> str:
     relocalization = records.read("relocalization", folder)
     parts = [HEAD, standing(odometry, relocalization), odometry_section(odometry),
              lines_section(odometry)]
-    for name, section in (("inertial", inertial_section), ("light", light_section),
-                          ("refine", refine_section), ("relocalization", relocalization_section),
-                          ("growth", growth_section)):
+    inertial = records.read("inertial", folder)
+    if inertial:
+        parts.append(inertial_section(inertial, records.read("inertial_euroc", folder)))
+    for name, section in (("light", light_section), ("refine", refine_section),
+                          ("relocalization", relocalization_section), ("growth", growth_section)):
         record = records.read(name, folder)
         if record:
             parts.append(section(record))

@@ -65,6 +65,26 @@ TEST(LocalizeCommand, ARefusalIsNoFailure) {
   EXPECT_TRUE(fs::exists(folder.path() / "poses.tum"));
 }
 
+TEST(LocalizeCommand, TheConfigurationDecidesAndArgumentsOverrideIt) {
+  const TemporaryFolder folder;
+  folder.Write("options.yaml", "min_inliers: 9000\nsure_inliers: 10000\ncandidates: 0\n");
+  std::vector<std::string> arguments = {"localize",
+                                        TestDataset::Get().result(),
+                                        EurocImage(TestDataset::Get().euroc(), 0, 3),
+                                        "--camera",
+                                        SensorYaml(),
+                                        "--config",
+                                        "options.yaml"};
+  const ProgramResult wrong = RunProgram(folder.path(), arguments);
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.err, HasSubstr("candidates is 0"));
+  folder.Write("options.yaml", "min_inliers: 9000\nsure_inliers: 10000\n");
+  arguments.insert(arguments.end(), {"--candidates", "1"});
+  const ProgramResult run = RunProgram(folder.path(), arguments);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("agree on a pose, more than 9000 are needed"));
+}
+
 TEST(LocalizeCommand, SaysWhatIsWrong) {
   const TemporaryFolder folder;
   cv::imwrite(folder.path() / "small.png", cv::Mat(20, 30, CV_8UC1, cv::Scalar(90)));
