@@ -97,7 +97,8 @@ def odometry_section(odometry: Odometry) -> str:
     known = [record for record in odometry.records.values() if record]
     if not known:
         return ""
-    text = ["## Odometry", "", provenance(known[0]),
+    configuration = "airslam map SEQUENCE --out FOLDER [--no-imu] [--no-lines]"
+    text = ["## Odometry", "", provenance(known[0] | {"configuration": configuration}),
             "ATE in metres, online SLAM without loop closing; every frame has a pose where nothing "
             "else is said.", ""]
     rows = []
@@ -263,7 +264,7 @@ def standing(odometry: Odometry, relocalization: dict | None) -> str:
     for sequence, peers in PEERS["odometry"]["ATE [m]"].items():
         for peer, ate in peers.items():
             add(f"ATE, {SEQUENCES[sequence]}, stereo with lines",
-                odometry.value(best, sequence, "ate"), peer, ate, max(2, len(str(ate).split(".")[1])), " m")
+                odometry.value(best, sequence, "ate"), peer, ate, 2 if ate >= 0.1 else 3, " m")
     for peer, cost in PEERS["odometry"]["warehouse_day cost"].items():
         for key, name, digits, unit, less in (
                 ("cpu_ms", "core-ms a frame", 0, "", True),

@@ -18,6 +18,8 @@ INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)
 # A minus after an opening bracket, a comma or an equals sign.
 SIGN = re.compile(r"(<mo[^>]*>(?:&#x00028;|\(|&#x0003D;|=|&#x0002C;|,|\[)</mo>)<mo>&#x02212;</mo>")
+# The name of a function whose argument has no bracket.
+FUNCTION = re.compile(r"(<m[io]>(?:sin|cos|tan|cot)</m[io]>)(?!<mo[^>]*>(?:&#x00028;|\())")
 
 
 def on_page_markdown(markdown: str, page, **_) -> str:
@@ -35,9 +37,11 @@ def on_page_markdown(markdown: str, page, **_) -> str:
 
 
 def mathml(tex: str, display: str) -> str:
-    """MathML of a formula; a minus that begins something is a sign, not an operation."""
-    text = convert(html.unescape(tex), display=display)
-    return SIGN.sub(r'\1<mo form="prefix">&#x02212;</mo>', text)
+    """MathML of a formula, with what latex2mathml does not know: bars are brackets, a minus that begins
+    something is a sign and not an operation, a function's name keeps away from its argument."""
+    tex = html.unescape(tex).replace(r"\lvert", r"\left|").replace(r"\rvert", r"\right|")
+    text = SIGN.sub(r'\1<mo form="prefix">&#x02212;</mo>', convert(tex, display=display))
+    return FUNCTION.sub(r'\1<mspace width="0.17em"/>', text)
 
 
 def on_page_content(content: str, **_) -> str:
