@@ -235,6 +235,13 @@ def growth_section(record: dict) -> str:
         table(["", "first third", "last third", "change"], rows)])
 
 
+def refine_growth_section(record: dict) -> str:
+    results = record["results"]
+    return "\n".join(["## Growth of refining", "", provenance(record),
+                      table([name.replace("_", " ") for name in results["head"]],
+                            results["rows"])])
+
+
 def line_detection() -> list[list[float | str]]:
     """Method and sAP10 on YorkUrban, from the table that training/ writes."""
     text = (REPOSITORY / "training/results/lines.md").read_text()
@@ -310,7 +317,8 @@ def page(folder: Path = records.RESULTS) -> str:
     if inertial:
         parts.append(inertial_section(inertial, records.read("inertial_euroc", folder)))
     for name, section in (("light", light_section), ("refine", refine_section),
-                          ("relocalization", relocalization_section), ("growth", growth_section)):
+                          ("relocalization", relocalization_section), ("growth", growth_section),
+                          ("refine_growth", refine_growth_section)):
         record = records.read(name, folder)
         if record:
             parts.append(section(record))

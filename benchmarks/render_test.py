@@ -6,6 +6,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import record_table
 import records
 import render
 
@@ -52,6 +53,10 @@ class Render(unittest.TestCase):
     def test_uncommitted_changes_are_named(self):
         self.assertIn("with uncommitted changes",
                       render.provenance({**ABOUT, "changed": True, "configuration": "", "protocol": ""}))
+
+    def test_a_table_is_read_from_what_a_program_prints(self):
+        self.assertEqual(record_table.parse_table("words\n| a | b c |\n|---|---|\n| 1 | 2 |\n"),
+                         {"head": ["a", "b c"], "rows": [["1", "2"]]})
 
     def test_a_record_is_json(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import records
@@ -54,7 +55,20 @@ def commands(root: Path, out: Path, airslam: Path, minutes: float) -> dict[str, 
                                    "--root", root, "--out", out / "relocalization", "--refine")],
         "growth": [program("growth.py", "growth", "--airslam", airslam, "--source", day, "--out",
                            out / "growth", "--minutes", minutes)],
+        "refine_growth": refine_growth(program),
     }
+
+
+def refine_growth(program: Callable) -> list[list[str]]:
+    """The C++ program that `make bench` builds, where that was done."""
+    build = REPOSITORY / "build-bench"
+    if not (build / "build.ninja").exists():
+        print("run_all: refine_growth is left out, its record is the old one: run `make bench`")
+        return []
+    return [["ninja", "-C", str(build), "refine_growth"],
+            program("record_table.py", "refine_growth", "--protocol",
+                    "Maps of 1, 4 and 16 copies of a simulated building; the query without network",
+                    build / "bin/refine_growth", 1, 4, 16)]
 
 
 def main() -> int:
@@ -62,7 +76,7 @@ def main() -> int:
     parser.add_argument("--root", type=Path, default=REPOSITORY / "../shared/data",
                         help="folder of the sequences")
     parser.add_argument("--only", nargs="+", help="odometry inertial light refine relocalization "
-                                                  "growth; all if not given")
+                                                  "growth refine_growth; all if not given")
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/benchmarks",
                         help="emptied first: folder of maps, logs and tables")
