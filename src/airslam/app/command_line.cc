@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "airslam/app/commands.h"
+#include "airslam/common/stop_signal.h"
 
 namespace airslam {
 namespace {
@@ -48,6 +49,9 @@ int RunCommandLine(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
+  } catch (const Stopped& stopped) {
+    std::fprintf(stderr, "airslam: %s\n", stopped.what());
+    return stopped.exit_code();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "airslam: %s\n", error.what());
     return 1;

@@ -11,6 +11,7 @@
 #include "airslam/common/log.h"
 #include "airslam/common/options.h"
 #include "airslam/common/progress.h"
+#include "airslam/common/stop_signal.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"
 #include "airslam/odometry/pipeline.h"
@@ -31,7 +32,7 @@ struct MapArguments {
 // Reports progress and says when tracking is lost and found again.
 class Narrator {
  public:
-  explicit Narrator(int frames) : progress_("map", frames), frames_(frames) {}
+  explicit Narrator(int frames) : progress_("map", frames) {}
 
   void Frame(int index, const FrameRecord& record) {
     const bool lost = record.state == FrameState::kLost;
@@ -49,14 +50,15 @@ class Narrator {
     state_ = lost       ? "lost"
              : inertial ? "IMU alone"
                         : fmt::format("{} points", record.tracked_points);
-    progress_.Update(index + 1, state_);
+    done_ = index + 1;
+    progress_.Update(done_, state_);
   }
 
-  void Finish() { progress_.Finish(frames_, state_); }
+  void Finish() { progress_.Finish(done_, state_); }
 
  private:
   Progress progress_;
-  int frames_;
+  int done_ = 0;
   std::string state_;
   bool was_lost_ = false;
   bool was_inertial_ = false;
@@ -74,6 +76,14 @@ void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::
               static_cast<double>(result.records.size()) / info.wall_seconds, out.c_str());
 }
 
+// Says how far a run came that was asked to stop.
+[[noreturn]] void ReportStop(const StopSignal& stop, std::size_t frames, const RunInfo& info,
+                             const std::string& out) {
+  const std::string results = frames == 0 ? "nothing was written" : "results up to there in " + out;
+  throw Stopped(stop.number(), fmt::format("stopped by {} after {} of {} frames: {}", stop.name(),
+                                           frames, info.sequence_frames, results));
+}
+
 void RunMap(const MapArguments& arguments) {
   const auto start = std::chrono::steady_clock::now();
   OdometryOptions options;
@@ -89,6 +99,7 @@ void RunMap(const MapArguments& arguments) {
   PlNet left_detector(pack.features);
   PlNet right_detector(pack.features);
   PlNet line_detector(pack.features);
+  const StopSignal stop;
   AtomicDirectory out(arguments.out);
   const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
   StageTimes times;
@@ -101,15 +112,19 @@ void RunMap(const MapArguments& arguments) {
       [&](int index, const PreparedFrame&, const FrameRecord& record) {
         narrator.Frame(index, record);
       },
-      times);
+      times, &stop.flag());
   narrator.Finish();
 
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const RunInfo info{arguments.dataset, pack.name, DumpOptions(options), seconds};
+  const bool stopped = static_cast<int>(result.records.size()) < sequence->size();
+  const RunInfo info{arguments.dataset, pack.name,        DumpOptions(options),
+                     seconds,           sequence->size(), stopped ? stop.name() : ""};
+  if (stopped && result.records.empty()) ReportStop(stop, 0, info, arguments.out);
   WriteRunOutputs(out.partial(), result, times, info);
   out.Commit();
   PrintSummary(result, info, arguments.out);
+  if (stopped) ReportStop(stop, result.records.size(), info, arguments.out);
 }
 
 }  // namespace

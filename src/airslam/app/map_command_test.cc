@@ -303,5 +303,41 @@ TEST(MapCommand, AKilledRunLeavesTheMapSoFar) {
   ExpectSameResult(data.result(), folder.path() / "out");
 }
 
+// Frames until the end would take minutes; the signal comes when some keyframes are committed.
+ProgramResult RunUntilSignal(const TemporaryFolder& folder, int signal_number) {
+  ListImages(CopyOfEuroc(folder), 20'000, ForthAndBack);
+  Program program(folder.path(), {"map", "euroc", "--out", "out"}, {});
+  while (KeyframesIn(folder.path() / "out.partial" / "map.db") < 2 && program.IsRunning()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  program.Send(signal_number);
+  return program.Wait();
+}
+
+TEST(MapCommand, ASignalEndsTheRunInOrder) {
+  for (const auto& [number, name] : {std::pair{SIGTERM, "SIGTERM"}, {SIGINT, "SIGINT"}}) {
+    const TemporaryFolder folder;
+    const ProgramResult run = RunUntilSignal(folder, number);
+    EXPECT_EQ(run.exit_code, 128 + number) << run.err;
+    const nlohmann::json report = Report(folder.path() / "out");
+    const int frames = report["frames"];
+    EXPECT_GE(frames, 2);
+    EXPECT_LT(frames, 20'000);
+    EXPECT_EQ(report["frames_in_sequence"], 20'000);
+    EXPECT_EQ(report["stopped_by"], name);
+    EXPECT_THAT(run.Complaints(),
+                ElementsAre(fmt::format(
+                    "airslam: stopped by {} after {} of 20000 frames: results up to there in out",
+                    name, frames)));
+    // The trajectory is whole: every frame up to there, and the map is that of these frames.
+    EXPECT_EQ(ReadTrajectory(folder.path() / "out" / "trajectory.tum").size(),
+              static_cast<std::size_t>(frames));
+    const Map map = ReadMap(folder.path() / "out" / "map.db");
+    EXPECT_EQ(map.keyframes.size(), report["keyframes"]);
+    EXPECT_EQ(map.keyframes.size(), ReadTrajectory(folder.path() / "out" / "keyframes.tum").size());
+    EXPECT_FALSE(fs::exists(folder.path() / "out.partial"));
+  }
+}
+
 }  // namespace
 }  // namespace airslam

@@ -81,7 +81,8 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  void Kill() { kill(child_, SIGKILL); }
+  void Kill() { Send(SIGKILL); }
+  void Send(int signal_number) { kill(child_, signal_number); }
 
   bool IsRunning() {
     siginfo_t info = {};

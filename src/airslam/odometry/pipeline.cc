@@ -105,12 +105,12 @@ MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& r
 
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
-                           MapRecorder* recorder, const FrameObserver& observer,
-                           StageTimes& times) {
+                           MapRecorder* recorder, const FrameObserver& observer, StageTimes& times,
+                           const std::atomic<bool>* stop) {
   FrameQueue read_frames(2);
   FrameQueue prepared_frames(2);
   StageThread reader(nullptr, &read_frames, [&] {
-    for (int i = 0; i < sequence.size(); ++i) {
+    for (int i = 0; i < sequence.size() && !(stop != nullptr && *stop); ++i) {
       if (!read_frames.Push(ReadFrame(sequence, i, rectifier, times))) return;
     }
   });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <vector>
 
@@ -23,7 +24,7 @@ struct PipelineNetworks {
 };
 
 struct PipelineResult {
-  std::vector<FrameRecord> records;  // one a frame of the sequence, in order
+  std::vector<FrameRecord> records;  // one a frame that was read, in order
   Map map;
   InertialSummary inertial;
 };
@@ -38,9 +39,11 @@ MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& r
 // stages on three threads, joined by bounded queues: read and rectify | detect | track, with local
 // bundle adjustment and map writing beside them. A frame that cannot be read is skipped with a
 // warning. What a stage throws ends the run and is rethrown here. `recorder` and `observer` may be
-// empty.
+// empty. Once `stop` (if given) is true, no further frame is read: those under way are finished,
+// and the result is that of a sequence that ends there.
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
-                           MapRecorder* recorder, const FrameObserver& observer, StageTimes& times);
+                           MapRecorder* recorder, const FrameObserver& observer, StageTimes& times,
+                           const std::atomic<bool>* stop = nullptr);
 
 }  // namespace airslam

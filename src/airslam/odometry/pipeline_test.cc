@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -278,6 +279,26 @@ TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   EXPECT_THROW(
       RunPipeline(sequence, rectifier, {}, {works, broken, lines, matcher}, nullptr, {}, times),
       std::runtime_error);
+}
+
+TEST(Pipeline, StopsInOrderWhenAsked) {
+  const SyntheticSequence source(Options(20));
+  const PipelineResult whole = RunOn(source);
+  std::atomic<bool> stop = false;
+  const SpoiltSequence sequence(source, [&](int index, StereoPair&) { stop = index >= 9; });
+  const StereoRectifier rectifier(sequence.rig());
+  SyntheticDetector left, right, lines;
+  SyntheticMatcher matcher;
+  StageTimes times;
+  const PipelineResult result = RunPipeline(sequence, rectifier, {}, {left, right, lines, matcher},
+                                            nullptr, {}, times, &stop);
+  ASSERT_EQ(result.records.size(), 10u);  // frame 9 was under way
+  const Trajectory online = OnlineTrajectory(result, 0), expected = OnlineTrajectory(whole, 0);
+  ASSERT_EQ(online.size(), 10u);
+  for (std::size_t i = 0; i < online.size(); ++i) {
+    EXPECT_EQ(online[i].world_from_body.ToMatrix(), expected[i].world_from_body.ToMatrix()) << i;
+  }
+  EXPECT_EQ(FinalTrajectory(result, 0).size(), 10u);
 }
 
 TEST(Pipeline, FramesHangOnKeyframesThatExist) {

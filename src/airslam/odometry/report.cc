@@ -179,6 +179,8 @@ nlohmann::json MakeReport(const PipelineResult& result, const StageTimes& times,
   report["model_pack"] = info.model_pack;
   report["options"] = info.options_yaml;
   report["frames"] = records.size();
+  report["frames_in_sequence"] = info.sequence_frames;
+  report["stopped_by"] = info.stopped_by;
   report["frames_with_pose"] = count([](const FrameRecord& r) { return r.has_pose(); });
   report["frames_skipped"] =
       count([](const FrameRecord& r) { return r.state == FrameState::kSkipped; });

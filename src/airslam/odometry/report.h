@@ -23,10 +23,12 @@ Trajectory KeyframeTrajectory(const PipelineResult& result, int component);
 
 // What the user is told about a run, besides the poses.
 struct RunInfo {
-  std::string dataset;       // path as given
+  std::string dataset;  // path as given
   std::string model_pack;
   std::string options_yaml;  // effective values
   double wall_seconds = 0;   // of the whole process up to now
+  int sequence_frames = 0;   // of the whole sequence; more than was processed when it was stopped
+  std::string stopped_by;    // the signal that ended the run early; empty: none
 };
 
 // report.json: counts, frames/s, milliseconds a stage, intervals without a pose, state of every

@@ -74,8 +74,11 @@ TEST(Report, CountsFramesAndNamesLostIntervals) {
   StageTimes times;
   times.Record("track", 2);
   times.Record("track", 4);
-  const nlohmann::json report = MakeReport(Example(), times, {"data", "pack", "a: 1\n", 3.5});
+  const nlohmann::json report =
+      MakeReport(Example(), times, {"data", "pack", "a: 1\n", 3.5, 9, "SIGTERM"});
   EXPECT_EQ(report["frames"], 7);
+  EXPECT_EQ(report["frames_in_sequence"], 9);
+  EXPECT_EQ(report["stopped_by"], "SIGTERM");
   EXPECT_EQ(report["frames_with_pose"], 4);
   EXPECT_EQ(report["frames_in_trajectory"], 3);
   EXPECT_EQ(report["frames_skipped"], 1);
