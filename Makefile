@@ -32,7 +32,8 @@ build: setup
 	ninja -C build -j$(JOBS)
 
 test: build
-	@cd build && $(CTEST)
+	@scripts/setup.sh view
+	cd build && $(CTEST)
 
 demo: build
 	@scripts/demo.sh

@@ -5,6 +5,8 @@
 #   1. Debian's packages (installed only when missing; asks sudo when not root),
 #   2. .venv/            Python tools of evaluation and plots (scripts/requirements.txt),
 #   3. third_party/ov/   OpenVINO, unpacked from PyPI's wheel: headers, libraries, CMake package.
+# and with the argument "view", for the tests:
+#   4. rerun in .venv        (scripts/requirements-view.txt).
 # Each step is skipped when its result is there, so that a second run costs a fraction of a second.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -70,6 +72,15 @@ create_virtual_environment() {
   touch "$stamp"
 }
 
+install_viewer() {
+  local stamp
+  stamp=.venv/.stamp-view-$(sha256sum scripts/requirements-view.txt | cut -c1-16)
+  if [ -e "$stamp" ]; then return; fi
+  say "installing the viewer"
+  .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements-view.txt
+  touch "$stamp"
+}
+
 # Unpacked beside its place and moved there as a whole, so that an interrupted run leaves no half.
 unpack_openvino() {
   if [ -d "third_party/ov/openvino-$openvino_version.dist-info" ]; then return; fi
@@ -85,4 +96,5 @@ unpack_openvino() {
 install_debian_packages
 create_virtual_environment
 unpack_openvino
+if [ "${1:-}" = view ]; then install_viewer; fi
 say "everything is there"

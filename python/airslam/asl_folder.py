@@ -11,7 +11,8 @@ from types import TracebackType
 
 import numpy as np
 
-from .failure import Failure
+from . import Error
+
 
 IMU_HEADER = ("#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
               "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]")
@@ -54,7 +55,7 @@ class AslWriter:
 
     def __init__(self, out: Path):
         if out.exists() and not (out / "mav0").is_dir():
-            raise Failure(f"{out} exists and is no ASL folder: it is not replaced")
+            raise Error(f"{out} exists and is no ASL folder: it is not replaced")
         self.out, self._partial = out, out.with_name(out.name + ".partial")
         self._images = {"cam0": _Images(), "cam1": _Images()}
         self._imu: list[tuple[int, tuple[float, ...]]] = []

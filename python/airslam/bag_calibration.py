@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from . import Error
 from .asl_folder import AslWriter, Camera
 from .bags import CAMERA_INFO, Bag, Choice
-from .failure import Failure
 
 MODELS = {"plumb_bob": "radial-tangential", "equidistant": "equidistant", "fisheye": "equidistant"}
 
@@ -25,13 +25,13 @@ def copy_calibration(files: list[Path], writer: AslWriter) -> str:
     """Copies calibration files into the folder being written; says in words what they were."""
     for file in files:
         if not file.exists():
-            raise Failure(f"the calibration {file} does not exist")
+            raise Error(f"the calibration {file} does not exist")
     if len(files) == 1 and files[0].is_dir():
         return _copy_folder(files[0], writer)
     chains = [file for file in files if _is_camchain(file)]
     others = [file for file in files if file not in chains]
     if len(chains) != 1 or len(others) > 1:
-        raise Failure("--calib takes a Kalibr camchain file (and its IMU file), or a folder that holds "
+        raise Error("--calib takes a Kalibr camchain file (and its IMU file), or a folder that holds "
                       f"these or EuRoC's cam0/sensor.yaml; it got {', '.join(map(str, files))}")
     return _copy_kalibr(chains[0], others[0] if others else None, writer)
 
@@ -40,7 +40,7 @@ def _is_camchain(file: Path) -> bool:
     try:
         content = yaml.safe_load(file.read_text())
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise Failure(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
+        raise Error(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
     return isinstance(content, dict) and "cam0" in content
 
 
@@ -53,14 +53,14 @@ def _copy_folder(folder: Path, writer: AslWriter) -> str:
                 (writer.mav0 / sensor).mkdir(exist_ok=True)
                 shutil.copyfile(source, writer.mav0 / sensor / "sensor.yaml")
             elif sensor != "imu0":
-                raise Failure(f"the calibration {source} is missing")
+                raise Error(f"the calibration {source} is missing")
         return "EuRoC's sensor.yaml"
     for place in (folder, mav0, folder / "dso"):
         chain = sorted(place.glob("camchain*.yaml"))
         if chain:
             imu = sorted(place.glob("imu*.yaml"))
             return _copy_kalibr(chain[0], imu[0] if imu else None, writer)
-    raise Failure(f"{folder} holds neither cam0/sensor.yaml (EuRoC) nor camchain*.yaml (Kalibr)")
+    raise Error(f"{folder} holds neither cam0/sensor.yaml (EuRoC) nor camchain*.yaml (Kalibr)")
 
 
 def _copy_kalibr(chain: Path, imu: Path | None, writer: AslWriter) -> str:
@@ -92,7 +92,7 @@ def _info_beside(bag: Bag, image_topic: str) -> object:
         name = "/".join([*parts[:-depth], "camera_info"])
         if name in known and (info := bag.first(name)) is not None:
             return info
-    raise Failure(f"the bag has no camera_info beside {image_topic}: give the calibration with --calib "
+    raise Error(f"the bag has no camera_info beside {image_topic}: give the calibration with --calib "
                   "(Kalibr's camchain, or a folder with EuRoC's cam0/sensor.yaml)")
 
 
@@ -111,15 +111,15 @@ def _camera(info: object, topic: str, rectified: bool) -> Camera:
     matrix = p.reshape(3, 4) if rectified else k.reshape(3, 3)
     intrinsics = tuple(float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
     if intrinsics[0] <= 0 or intrinsics[1] <= 0:
-        raise Failure(f"the camera_info of {topic} is not calibrated: its focal length is not positive")
+        raise Error(f"the camera_info of {topic} is not calibrated: its focal length is not positive")
     size = (int(info.width), int(info.height))
     if rectified or not d.any():
         return Camera(*size, intrinsics, "none", (), np.eye(4))
     if info.distortion_model not in MODELS:
-        raise Failure(f"the camera_info of {topic} has distortion model \"{info.distortion_model}\"; "
+        raise Error(f"the camera_info of {topic} has distortion model \"{info.distortion_model}\"; "
                       f"supported are {', '.join(MODELS)}: calibrate with Kalibr and give --calib")
     if len(d) > 4 and d[4:].any():
-        raise Failure(f"the camera_info of {topic} has a fifth distortion coefficient, k3 = {d[4]:g}, "
+        raise Error(f"the camera_info of {topic} has a fifth distortion coefficient, k3 = {d[4]:g}, "
                       "which is not supported: calibrate with k3 fixed at 0, or with Kalibr and --calib")
     return Camera(*size, intrinsics, MODELS[info.distortion_model], tuple(map(float, d[:4])), np.eye(4))
 
@@ -129,7 +129,7 @@ def left_from_right(r_left: np.ndarray, r_right: np.ndarray, p_right: np.ndarray
     """4 x 4 pose of the right camera in the left one, from R of both and P of the right."""
     p = p_right.reshape(3, 4)
     if p[0, 0] <= 0 or p[0, 3] >= 0:
-        raise Failure("the right camera's camera_info states no baseline (P[3] must be −fx·baseline): give "
+        raise Error("the right camera's camera_info states no baseline (P[3] must be −fx·baseline): give "
                       "the calibration with --calib")
     center = np.array([-p[0, 3] / p[0, 0], 0, 0])
     pose = np.eye(4)

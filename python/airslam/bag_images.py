@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from .failure import Failure
+from . import Error
+
 
 SUPPORTED = ("mono8, 8UC1, mono16, 16UC1, rgb8, bgr8, 8UC3, rgba8, bgra8, bayer_rggb8, bayer_bggr8, "
              "bayer_gbrg8, bayer_grbg8")
@@ -35,7 +36,7 @@ def _rows(message: object, topic: str, channels: int, dtype: np.dtype) -> np.nda
     used = width * channels * dtype.itemsize
     data = np.asarray(message.data, dtype=np.uint8)
     if height <= 0 or width <= 0 or step < used or data.size < step * height:
-        raise Failure(f"an image of topic {topic} is said to be {width} x {height} pixels of "
+        raise Error(f"an image of topic {topic} is said to be {width} x {height} pixels of "
                       f"{message.encoding}, but holds {data.size} bytes in rows of {step}")
     rows = np.ascontiguousarray(data[:step * height].reshape(height, step)[:, :used]).view(dtype)
     return rows.reshape(height, width) if channels == 1 else rows.reshape(height, width, channels)
@@ -86,7 +87,7 @@ def pixels(message: object, topic: str) -> np.ndarray:
         return np.ascontiguousarray(_rows(message, topic, 4, eight)[:, :, 2::-1])
     if encoding.startswith("bayer_") and encoding[6:-1] in RED_OF_MOSAIC and encoding.endswith("8"):
         return demosaic(_rows(message, topic, 1, eight), encoding[6:-1])
-    raise Failure(f"the images of topic {topic} are {encoding}, which is not supported; these are: "
+    raise Error(f"the images of topic {topic} are {encoding}, which is not supported; these are: "
                   f"{SUPPORTED}, and JPEG or PNG as compressed images")
 
 
@@ -101,5 +102,5 @@ def image_file(message: object, topic: str) -> ImageFile:
         return ImageFile(content, ".jpg")
     if content.startswith(b"\x89PNG\r\n\x1a\n"):
         return ImageFile(content, ".png")
-    raise Failure(f"the compressed images of topic {topic} are of format \"{message.format}\", neither "
+    raise Error(f"the compressed images of topic {topic} are of format \"{message.format}\", neither "
                   "JPEG nor PNG")

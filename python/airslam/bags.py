@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .failure import Failure
+from . import Error
+
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 IMU, CAMERA_INFO = "sensor_msgs/msg/Imu", "sensor_msgs/msg/CameraInfo"
@@ -69,15 +70,15 @@ def _damage_as_failure(path: Path) -> Iterator[None]:
     """Turns what `rosbags` raises on a damaged file, of whatever type, into one sentence."""
     try:
         yield
-    except (Failure, GeneratorExit, KeyboardInterrupt, MemoryError):
+    except (Error, GeneratorExit, KeyboardInterrupt, MemoryError):
         raise
     except FileNotFoundError as error:
-        raise Failure(f"{path} cannot be read as a bag: {error}") from None
+        raise Error(f"{path} cannot be read as a bag: {error}") from None
     except Exception as error:  # noqa: BLE001 (struct, apsw, zstd, its own: all mean a damaged file)
         reason = str(error).strip().rstrip(".") or type(error).__name__
         help_ = "; `rosbag reindex` may save what it holds" if path.suffix == ".bag" else \
             "; `mcap recover` may save what it holds" if path.suffix == ".mcap" else ""
-        raise Failure(f"{path} cannot be read, it is cut off, damaged or of another kind than its name "
+        raise Error(f"{path} cannot be read, it is cut off, damaged or of another kind than its name "
                       f"says ({reason}){help_}") from None
 
 
@@ -85,15 +86,15 @@ def _damage_as_failure(path: Path) -> Iterator[None]:
 def open_bag(path: Path) -> Iterator[Bag]:
     """Opens a bag of any of the three kinds."""
     if not path.exists():
-        raise Failure(f"{path} does not exist")
+        raise Error(f"{path} does not exist")
     if not is_bag(path):
-        raise Failure(f"{path} is no bag: expected a .bag, .db3 or .mcap file, or a folder with "
+        raise Error(f"{path} is no bag: expected a .bag, .db3 or .mcap file, or a folder with "
                       "metadata.yaml")
     try:
         from rosbags.highlevel import AnyReader  # noqa: PLC0415 (optional)
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
-        raise Failure("reading bags needs the package rosbags: pip install rosbags") from None
+        raise Error("reading bags needs the package rosbags: pip install rosbags") from None
     with _damage_as_failure(path):
         # Bags of ROS 2 before Iron carry no definitions; those of sensor_msgs have not changed since.
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
@@ -109,7 +110,7 @@ def _hinted(topics: list[Topic], hints: tuple[str, ...]) -> list[Topic]:
 
 
 def guess_topics(topics: list[Topic]) -> Choice:
-    """Chooses left, right and IMU by type and name; Failure when that is ambiguous."""
+    """Chooses left, right and IMU by type and name; Error when that is ambiguous."""
     for kind in (RAW, COMPRESSED):
         images = [topic for topic in topics if topic.type == kind and topic.count > 0]
         left, right = _hinted(images, LEFT_HINTS), _hinted(images, RIGHT_HINTS)
@@ -119,7 +120,7 @@ def guess_topics(topics: list[Topic]) -> Choice:
             break
     else:
         seen = ", ".join(f"{t.name} ({t.type})" for t in topics if t.type in (RAW, COMPRESSED))
-        raise Failure("which topics are the left and the right camera cannot be guessed; choose with "
+        raise Error("which topics are the left and the right camera cannot be guessed; choose with "
                       f"--topics left=… right=… among: {seen or 'none, there is no image topic'}")
     imus = sorted((t for t in topics if t.type == IMU and t.count > 0), key=lambda t: -t.count)
     return Choice(left[0].name, right[0].name, imus[0].name if imus else "")
@@ -131,16 +132,16 @@ def parse_topics(words: list[str], topics: list[Topic]) -> Choice:
     for word in words:
         key, equals, name = word.partition("=")
         if key not in ("left", "right", "imu") or not equals or not name:
-            raise Failure(f"--topics takes left=…, right=… and imu=…, not \"{word}\"")
+            raise Error(f"--topics takes left=…, right=… and imu=…, not \"{word}\"")
         chosen[key] = name
     known = {topic.name: topic for topic in topics}
     for key, name in chosen.items():
         if name not in known:
-            raise Failure(f"the bag has no topic {name}; it has: {', '.join(known) or 'none'}")
+            raise Error(f"the bag has no topic {name}; it has: {', '.join(known) or 'none'}")
         expected = (IMU,) if key == "imu" else (RAW, COMPRESSED)
         if known[name].type not in expected:
-            raise Failure(f"topic {name} holds {known[name].type}, but {key}= needs "
+            raise Error(f"topic {name} holds {known[name].type}, but {key}= needs "
                           f"{' or '.join(expected)}")
     if "left" not in chosen or "right" not in chosen:
-        raise Failure("--topics needs both left=… and right=…")
+        raise Error("--topics needs both left=… and right=…")
     return Choice(chosen["left"], chosen["right"], chosen.get("imu", ""))

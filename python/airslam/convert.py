@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from . import Error
 from .asl_folder import AslWriter
 from .bag_calibration import copy_calibration, write_from_camera_info
 from .bag_images import image_file
 from .bags import Bag, Choice, guess_topics, open_bag, parse_topics
-from .failure import Failure, ends_with_a_sentence
 
 GRAVITY = 9.80665  # m/s², one g
 ACCELERATION_UNITS = {"m/s2": 1.0, "g": GRAVITY}
@@ -64,10 +64,10 @@ def _check_pairs(writer: AslWriter, choice: Choice) -> int:
     left, right = writer.image_counts()
     for count, topic in ((left, choice.left), (right, choice.right)):
         if count == 0:
-            raise Failure(f"topic {topic} holds no image")
+            raise Error(f"topic {topic} holds no image")
     pairs, closest = writer.closest_pair_ns()
     if pairs == 0:
-        raise Failure(f"no image of {choice.left} was taken at the same time as one of {choice.right}: the "
+        raise Error(f"no image of {choice.left} was taken at the same time as one of {choice.right}: the "
                       f"closest two are {closest / 1e6:.3f} ms apart, 5 ms are allowed")
     return pairs
 
@@ -93,7 +93,7 @@ def convert(bag_path: Path, out: Path, *, topics: list[str] | None = None,
             gyroscope_unit: str = "rad/s") -> Conversion:
     """Writes the ASL folder `out`. Without topics they are guessed, without calibration camera_info is read.
 
-    Raises Failure with one sentence; `out` then is as it was.
+    Raises Error with one sentence; `out` then is as it was.
     """
     scales = (GYROSCOPE_UNITS[gyroscope_unit], ACCELERATION_UNITS[acceleration_unit])
     with open_bag(bag_path) as bag:
@@ -138,7 +138,7 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
                         help="of the bag's IMU (default rad/s)")
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Registers the command."""
     parser = subparsers.add_parser("convert", help="a bag (ROS 1, ROS 2, MCAP) to an ASL folder",
                                    description=__doc__)
@@ -146,17 +146,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument("--out", type=Path, help="folder to write")
     parser.add_argument("--list", action="store_true", help="list the topics and end")
     add_bag_options(parser)
-    parser.set_defaults(main=main)
+    return parser
 
 
-@ends_with_a_sentence
 def main(arguments: argparse.Namespace) -> int:
     """Runs the command."""
     if arguments.list:
         print("\n".join(list_topics(arguments.bag)))
         return 0
     if arguments.out is None:
-        raise Failure("convert needs --out FOLDER (or --list)")
+        raise Error("convert needs --out FOLDER (or --list)")
     result = convert(arguments.bag, arguments.out, topics=arguments.topics, calibration=arguments.calib,
                      acceleration_unit=arguments.acceleration_unit,
                      gyroscope_unit=arguments.gyroscope_unit)

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from .failure import Failure
+from . import Error
+
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
@@ -113,4 +114,4 @@ def raw_camera(dataset: Path, rectified: np.ndarray, body_from_rectified: np.nda
         return RawCamera(rectified, pose[:3, :3].T @ body_from_rectified[:3, :3],
                          np.array(fields["intrinsics"], dtype=float), model, coefficients)
     except (StopIteration, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
-        raise Failure(f"the left camera's calibration in {dataset} cannot be read: {error!r}") from None
+        raise Error(f"the left camera's calibration in {dataset} cannot be read: {error!r}") from None

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Error, evaluate
-from .failure import Failure, ends_with_a_sentence
-from .results import Comparison, Results, compare, find_truth, load_results, load_trajectory
+from . import Error, Trajectory, evaluate
+from .results import Comparison, Results, compare, find_truth, load_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +42,7 @@ def _plots() -> object:
     try:
         from . import plots  # noqa: PLC0415 (optional)
     except ImportError:
-        raise Failure("the report needs matplotlib and pillow: pip install '.[report]'") from None
+        raise Error("the report needs matplotlib and pillow: pip install '.[report]'") from None
     return plots
 
 
@@ -51,18 +50,15 @@ def load_subject(folder: Path, truth: Path | None, dataset: Path | None) -> Subj
     """Reads everything; ground truth and data set are found by themselves where they are not given."""
     results = load_results(folder)
     if dataset is not None and not dataset.is_dir():
-        raise Failure(f"the data set {dataset} is no folder")
+        raise Error(f"the data set {dataset} is no folder")
     dataset = dataset or results.dataset
     truth = truth or find_truth(dataset)
     if truth is None:
         return Subject(results, dataset, None, None, None)
-    comparison = compare(load_trajectory(truth), results.trajectory)
+    comparison = compare(Trajectory.load(truth), results.trajectory)
     if comparison is None:
-        raise Failure(f"fewer than three poses of {folder / 'trajectory.tum'} have ground truth in {truth}")
-    try:
-        evaluation = evaluate(truth, folder / "trajectory.tum", dataset=dataset)
-    except Error as error:
-        raise Failure(str(error)) from None
+        raise Error(f"fewer than three poses of {folder / 'trajectory.tum'} have ground truth in {truth}")
+    evaluation = evaluate(truth, folder / "trajectory.tum", dataset=dataset)
     return Subject(results, dataset, truth, comparison, evaluation)
 
 
@@ -253,7 +249,7 @@ def write_report(folder: Path, *, truth: Path | None = None, dataset: Path | Non
     """
     subject = load_subject(folder, truth, dataset)
     if not len(subject.results.trajectory.timestamps_ns):
-        raise Failure(f"{folder / 'trajectory.tum'} holds no pose")
+        raise Error(f"{folder / 'trajectory.tum'} holds no pose")
     file = out or folder / "report.html"
     file.write_text(page(subject))
     if pictures:
@@ -265,7 +261,7 @@ def write_report(folder: Path, *, truth: Path | None = None, dataset: Path | Non
     return file
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Registers the command."""
     parser = subparsers.add_parser("report", help="one page, report.html, about a result folder",
                                    description=__doc__)
@@ -275,10 +271,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument("--dataset", type=Path, help="the images' folder, where it has moved since the run")
     parser.add_argument("--out", type=Path, help="file to write (report.html in the folder)")
     parser.add_argument("--pictures", action="store_true", help="also trajectory.png and map.png beside it")
-    parser.set_defaults(main=main)
+    return parser
 
 
-@ends_with_a_sentence
 def main(arguments: argparse.Namespace) -> int:
     """Runs the command."""
     file = write_report(arguments.folder, truth=arguments.truth, dataset=arguments.dataset,

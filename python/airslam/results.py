@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from . import Error, Map, Trajectory
-from .failure import Failure
 
 TRUTH_FILES = ("mav0/state_groundtruth_estimate0/data.csv", "mav0/mocap0/data.csv",
                "state_groundtruth_estimate0/data.csv", "poses.txt", "groundtruth.tum", "groundtruth.txt")
@@ -34,26 +33,16 @@ class Results:
 
 
 def load_results(folder: Path) -> Results:
-    """Reads a result folder; Failure names what is missing or damaged."""
+    """Reads a result folder; an Error names what is missing or damaged."""
     for name in ("report.json", "trajectory.tum", "map.db"):
         if not (folder / name).exists():
-            raise Failure(f"{folder} is no result of airslam map: {folder / name} is missing")
+            raise Error(f"{folder} is no result of airslam map: {folder / name} is missing")
     try:
         report = json.loads((folder / "report.json").read_text())
-        return Results(folder, report, load_trajectory(folder / "trajectory.tum"),
+        return Results(folder, report, Trajectory.load(folder / "trajectory.tum"),
                        Map.load(folder / "map.db"))
     except json.JSONDecodeError as error:
-        raise Failure(f"{folder / 'report.json'} is no JSON: {error}") from None
-    except Error as error:
-        raise Failure(str(error)) from None
-
-
-def load_trajectory(file: Path) -> Trajectory:
-    """Reads TUM, EuRoC csv or KITTI poses."""
-    try:
-        return Trajectory.load(file)
-    except Error as error:
-        raise Failure(str(error)) from None
+        raise Error(f"{folder / 'report.json'} is no JSON: {error}") from None
 
 
 def find_truth(dataset: Path | None) -> Path | None:

@@ -6,7 +6,12 @@
     world/trajectory          of the body
     world/keyframes           frusta of the keyframes
     world/points, world/lines the map
-    camera/image              the left image, and below it keypoints, tracked, tracks, lines
+    camera/image              the left image, and below it
+        keypoints             what was detected
+        map                   points of the map: those a keyframe sees (view), where the pose expects them (run)
+        motion                how these have moved since the frame before (run)
+        lines                 of keyframes
+        matches               points that the keyframe before sees as well, from there to here (run)
     plots/…                   scalars over time: stages (ms), tracked points, biases, position error
 
 Times: `time`, seconds since the first frame, and `frame`, its number.
@@ -22,10 +27,11 @@ from types import ModuleType
 import numpy as np
 from PIL import Image
 
-from .failure import Failure
+from . import Error
+
 
 ESTIMATE, TRUTH, KEYFRAME = (255, 130, 30), (205, 210, 215), (70, 150, 220)
-TRACKED, KEYPOINT, LINE, TRACK = (39, 224, 160), (255, 255, 255), (255, 157, 46), (39, 224, 160)
+TRACKED, KEYPOINT, LINE, TRACK, MATCH = (39, 224, 160), (255, 255, 255), (255, 157, 46), (39, 224, 160), (200, 120, 255)
 AXIS_COLORS = ((255, 130, 30), (70, 150, 220), (160, 150, 230))
 FRUSTUM_DEPTH = 0.25  # metres
 MISSING = "the viewer needs rerun, which is not installed: pip install '.[view]' (or rerun-sdk)"
@@ -36,7 +42,7 @@ def load_rerun() -> ModuleType:
     try:
         import rerun  # noqa: PLC0415 (optional)
     except ImportError:
-        raise Failure(MISSING) from None
+        raise Error(MISSING) from None
     return rerun
 
 
@@ -73,7 +79,7 @@ class Scene:
             self.stream.save(str(save), default_blueprint=layout)
         else:
             if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-                raise Failure("there is no display to open the viewer on: record with --save run.rrd and open "
+                raise Error("there is no display to open the viewer on: record with --save run.rrd and open "
                               "that elsewhere with `rerun run.rrd`")
             self.stream.spawn(default_blueprint=layout)
 
@@ -97,7 +103,7 @@ class Scene:
         self.log("world", axes.RIGHT_HAND_Z_UP if upright else axes.RIGHT_HAND_Y_DOWN, static=True)
 
     def path(self, entity: str, positions: np.ndarray, color: tuple[int, int, int], *, static: bool = False,
-             radius: float = 0.012) -> None:
+             radius: float = 0.016) -> None:
         """A polyline (n, 3)."""
         self.log(entity, self._rerun.LineStrips3D([positions], colors=[color], radii=[radius]), static=static)
 

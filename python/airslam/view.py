@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from . import Error, Map, Trajectory
-from .failure import Failure, ends_with_a_sentence
 from .frame_pictures import LINE_SCORE, LINE_STEPS
 from .raw_images import RawCamera, left_images, raw_camera
-from .results import compare, find_truth, largest_component, load_trajectory
+from .results import compare, find_truth, largest_component
 from .scene import ESTIMATE, KEYPOINT, LINE, TRACKED, TRUTH, Scene
 
 MEDIA = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".png": "image/png"}
@@ -40,17 +39,14 @@ def load_view(path: Path) -> MapView:
     """Reads a map file or a result folder."""
     file = path / "map.db" if path.is_dir() else path
     if not file.exists():
-        raise Failure(f"{path} is neither a map file nor a folder that holds map.db")
-    try:
-        content = Map.load(file)
-    except Error as error:
-        raise Failure(str(error)) from None
+        raise Error(f"{path} is neither a map file nor a folder that holds map.db")
+    content = Map.load(file)
     if not len(content):
-        raise Failure(f"{file} holds no keyframe")
+        raise Error(f"{file} holds no keyframe")
     rows = np.flatnonzero(content.components == largest_component(content))
     report_file = path / "report.json"
     report = json.loads(report_file.read_text()) if path.is_dir() and report_file.exists() else {}
-    trajectory = load_trajectory(path / "trajectory.tum") if report else \
+    trajectory = Trajectory.load(path / "trajectory.tum") if report else \
         Trajectory.from_arrays(content.timestamps_ns[rows], content.world_from_body[rows])
     inertial = np.isfinite(content.gyroscope_biases[rows]).all(axis=1).any()
     return MapView(content, rows, trajectory, report, bool(inertial))
@@ -66,15 +62,15 @@ def _log_world(scene: Scene, view: MapView, truth: Path | None) -> None:
     scene.path("world/trajectory", view.trajectory.world_from_body[:, :3, 3], ESTIMATE, static=True)
     if truth is None:
         return
-    known = load_trajectory(truth)
+    known = Trajectory.load(truth)
     comparison = compare(known, view.trajectory)
     if comparison is None:
-        raise Failure(f"fewer than three poses have ground truth in {truth}")
+        raise Error(f"fewer than three poses have ground truth in {truth}")
     move = np.linalg.inv(comparison.truth_from_estimate)
     times = known.timestamps_ns
     during = (times >= comparison.times_ns[0]) & (times <= comparison.times_ns[-1])
     positions = known.world_from_body[during, :3, 3] @ move[:3, :3].T + move[:3, 3]
-    scene.path("world/truth", positions, TRUTH, static=True, radius=0.02)
+    scene.path("world/truth", positions, TRUTH, static=True, radius=0.008)
 
 
 def _log_keyframe(scene: Scene, keyframe: object, file: Path | None, camera: RawCamera | None) -> None:
@@ -85,7 +81,7 @@ def _log_keyframe(scene: Scene, keyframe: object, file: Path | None, camera: Raw
     points = bend(np.asarray(keyframe.keypoints, dtype=float))
     seen = np.asarray(keyframe.landmark_ids) >= 0
     scene.pixels("keypoints", points[~seen], KEYPOINT, 1.6)
-    scene.pixels("tracked", points[seen], TRACKED)
+    scene.pixels("map", points[seen], TRACKED)
     used = np.asarray(keyframe.line_scores) >= LINE_SCORE
     share = np.linspace(0, 1, LINE_STEPS)[:, None]
     scene.strips("lines", [bend((1 - share) * line[:2] + share * line[2:])
@@ -114,7 +110,7 @@ def view_map(path: Path, *, truth: Path | None = None, dataset: Path | None = No
     """Shows a map in the viewer, or writes it as a recording. Ground truth and images are found by themselves."""
     view = load_view(path)
     if dataset is not None and not dataset.is_dir():
-        raise Failure(f"the data set {dataset} is no folder")
+        raise Error(f"the data set {dataset} is no folder")
     if dataset is None and view.report.get("dataset") and Path(view.report["dataset"]).is_dir():
         dataset = Path(view.report["dataset"])
     scene = Scene(path.name, save)
@@ -124,7 +120,7 @@ def view_map(path: Path, *, truth: Path | None = None, dataset: Path | None = No
     scene.close()
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Registers the command."""
     parser = subparsers.add_parser("view", help="a map in the viewer, or as a recording", description=__doc__)
     parser.add_argument("map", type=Path, help="map.db, or the folder of airslam map")
@@ -132,10 +128,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument("--dataset", type=Path, help="the images' folder, where it has moved since the run")
     parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a recording instead of opening a "
                                                                       "window")
-    parser.set_defaults(main=main)
+    return parser
 
 
-@ends_with_a_sentence
 def main(arguments: argparse.Namespace) -> int:
     """Runs the command."""
     view_map(arguments.map, truth=arguments.truth, dataset=arguments.dataset, save=arguments.save)

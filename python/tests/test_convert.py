@@ -13,11 +13,11 @@ from bag_writing import (EXAMPLE, IMU, LEFT, RIGHT, BagWriter, asl_images, asl_i
                          write_example)
 from PIL import Image
 
-from airslam import convert as command
+from airslam import Error
+from airslam.__main__ import main
 from airslam.bag_calibration import left_from_right
 from airslam.bag_images import demosaic
 from airslam.convert import convert, list_topics
-from airslam.failure import Failure
 
 TOPICS = [f"left={LEFT}", f"right={RIGHT}", f"imu={IMU}"]
 
@@ -197,7 +197,7 @@ def test_rectified_topics_have_no_rotation_left() -> None:
 
 def refusal(bag: Path, out: Path, **options: object) -> str:
     """The sentence of a conversion that must fail and leave nothing."""
-    with pytest.raises(Failure) as failure:
+    with pytest.raises(Error) as failure:
         convert(bag, out, **{"calibration": [EXAMPLE], **options})
     assert not out.exists() and not out.with_name(out.name + ".partial").exists()
     assert "\n" not in str(failure.value)
@@ -249,22 +249,17 @@ def test_something_else_at_out_is_not_replaced(tmp_path: Path) -> None:
     bag = write_example(tmp_path / "bag", "ros1", frames=1)
     precious = tmp_path / "home"
     precious.mkdir()
-    with pytest.raises(Failure, match="is not replaced"):
+    with pytest.raises(Error, match="is not replaced"):
         convert(bag, precious, calibration=[EXAMPLE])
     first = convert(bag, tmp_path / "asl", calibration=[EXAMPLE])
     assert convert(bag, tmp_path / "asl", calibration=[EXAMPLE]) == first
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
     bag = write_example(tmp_path / "bag", "mcap", frames=1)
 
     def run(*words: object) -> tuple[int, str, str]:
-        arguments = parser.parse_args(["convert", *map(str, words)])
-        code = arguments.main(arguments)
+        code = main(["convert", *map(str, words)])
         return code, *capsys.readouterr()
 
     code, out, err = run(bag, "--out", tmp_path / "asl", "--calib", EXAMPLE)

@@ -15,8 +15,8 @@ from mapped_example import FRAMES, copy_of_result, mapped_example
 from stand_ins import EXAMPLE, PROGRAM, TRUTH, write_asl, write_kalibr
 
 import airslam
-from airslam import report
-from airslam.failure import Failure
+from airslam import Error, report
+from airslam.__main__ import main
 from airslam.raw_images import RawCamera, left_images, raw_camera
 from airslam.results import align, compare
 
@@ -93,21 +93,17 @@ def test_without_ground_truth_and_images(tmp_path: Path) -> None:
 
 
 def test_failures_are_sentences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    report.add_parser(parser.add_subparsers())
-
     def run(*words: object) -> str:
-        arguments = parser.parse_args(["report", *map(str, words)])
-        assert arguments.main(arguments) == 1
-        return capsys.readouterr().err
+        assert main(["report", *map(str, words)]) == 1
+        said = capsys.readouterr().err
+        assert said.startswith("airslam: ") and said.count("\n") == 1
+        return said
 
     assert "report.json is missing" in run(tmp_path)
     folder = copy_of_result(tmp_path)
     assert "is no folder" in run(folder, "--dataset", tmp_path / "none")
     assert str(tmp_path / "none.csv") in run(folder, "--truth", tmp_path / "none.csv")
-    (tmp_path / "other.tum").write_text("".join(f"{i} 0 0 0 0 0 0 1\n" for i in range(9)))
+    (tmp_path / "other.tum").write_text("".join(f"{i}.0 0 0 0 0 0 0 1\n" for i in range(9)))
     assert "fewer than three poses" in run(folder, "--truth", tmp_path / "other.tum")
     (folder / "map.db").write_bytes(b"no map")
     assert "map.db" in run(folder)
@@ -145,7 +141,7 @@ def test_kalibrs_calibration_gives_the_same_camera(tmp_path: Path) -> None:
     assert second.raw_from_rectified == pytest.approx(first.raw_from_rectified)
     assert (second.model, second.raw.tolist()) == (first.model, first.raw.tolist())
     (folder / "dso/camchain.yaml").write_text("cam0: {}")
-    with pytest.raises(Failure, match="left camera's calibration"):
+    with pytest.raises(Error, match="left camera's calibration"):
         raw_camera(folder, matrix, pose)
 
 

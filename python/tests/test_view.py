@@ -13,8 +13,7 @@ from recordings import Recorded
 from stand_ins import TRUTH
 
 import airslam
-from airslam import view
-from airslam.failure import Failure
+from airslam import Error, view
 from airslam.scene import frusta, height_colors
 
 
@@ -37,7 +36,7 @@ def test_a_recording_of_a_map(tmp_path: Path) -> None:
     assert gaps.max() < 0.02
     assert recorded.count("/camera/image", "EncodedImage:blob") == len(content)
     seen = int((np.asarray(content.keyframe(2).landmark_ids) >= 0).sum())
-    assert len(recorded.nth("/camera/image/tracked", "Points2D:positions", 2)) == seen
+    assert len(recorded.nth("/camera/image/map", "Points2D:positions", 2)) == seen
     assert recorded.nth("/plots/tracked", "Scalars:scalars", 2) == [seen]
     for entity in ("/camera/image/keypoints", "/camera/image/lines", "/plots/gyroscope_bias/x",
                    "/plots/accelerometer_bias/z", "/world/current"):
@@ -61,16 +60,16 @@ def test_truth_and_images_can_be_named(tmp_path: Path) -> None:
 
 def test_failures_are_sentences(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _, result = mapped_example()
-    with pytest.raises(Failure, match="neither a map file nor a folder"):
+    with pytest.raises(Error, match="neither a map file nor a folder"):
         view.view_map(tmp_path / "none", save=tmp_path / "a.rrd")
-    with pytest.raises(Failure, match="is no folder"):
+    with pytest.raises(Error, match="is no folder"):
         view.view_map(result, save=tmp_path / "a.rrd", dataset=tmp_path / "none")
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(Failure, match="no display .* --save"):
+    with pytest.raises(Error, match="no display .* --save"):
         view.view_map(result)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(Failure, match=r"needs rerun, which is not installed: pip install '\.\[view\]'"):
+    with pytest.raises(Error, match=r"needs rerun, which is not installed: pip install '\.\[view\]'"):
         view.view_map(result, save=tmp_path / "a.rrd")
 
 

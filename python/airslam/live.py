@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Showing a run while it goes on: what `airslam.run` reports of each frame becomes a Scene."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from . import Error, Map, Trajectory
+from .frame_pictures import LINE_SCORE
+from .results import align, largest_component
+from .scene import ESTIMATE, KEYPOINT, LINE, MATCH, TRACK, TRACKED, TRUTH, Scene
+
+ALIGN_FROM = 10         # poses, before which the ground truth hangs on the first pose
+ALIGN_DISTANCE = 0.3    # metres of path, likewise
+MAP_SHARE = 0.1         # of the time may go into reading the growing map
+RECENT_KEYFRAMES = 5    # whose points are shown in the image
+
+
+class TruthFollower:
+    """Lays the ground truth over the estimate while the estimate grows."""
+
+    def __init__(self, truth: Trajectory):
+        self.times, self.poses = truth.timestamps_ns, truth.world_from_body
+        self._estimate: list[np.ndarray] = []
+        self._truth: list[np.ndarray] = []
+        self._first: np.ndarray | None = None
+
+    def add(self, time_ns: int, world_from_body: np.ndarray) -> None:
+        """Adds a pose of the estimate; poses without ground truth within 10 ms are left out."""
+        row = int(np.argmin(np.abs(self.times - time_ns)))
+        if abs(int(self.times[row]) - time_ns) > 10_000_000:
+            return
+        if self._first is None:
+            self._first = world_from_body @ np.linalg.inv(self.poses[row])
+        self._estimate.append(world_from_body[:3, 3])
+        self._truth.append(self.poses[row, :3, 3])
+
+    def restart(self) -> None:
+        """Forgets everything: the estimate has begun a new world."""
+        self._estimate, self._truth, self._first = [], [], None
+
+    def estimate_from_truth(self) -> np.ndarray | None:
+        """The 4 x 4 transform as known so far."""
+        path = np.array(self._estimate)
+        long_enough = len(path) >= ALIGN_FROM and np.ptp(path, axis=0).max() > ALIGN_DISTANCE
+        return align(np.array(self._truth), path) if long_enough else self._first
+
+
+class GrowingMap:
+    """What a run has committed to its map file so far."""
+
+    def __init__(self, file: Path):
+        self._file = file
+        self._next = 0.0
+        self.content: Map | None = None
+
+    def refresh(self) -> bool:
+        """Reads the file again, unless that would cost more than a tenth of the time; True if it was read."""
+        begin = time.monotonic()
+        if begin < self._next or not self._file.exists():
+            return False
+        try:
+            self.content = Map.load(self._file)
+        except Error:  # before its first commit
+            return False
+        self._next = time.monotonic() + (time.monotonic() - begin) / MAP_SHARE
+        return len(self.content) > 0
+
+    def project(self, world_from_body: np.ndarray) -> dict[int, np.ndarray]:
+        """Where a body at this pose sees the points of the latest keyframes: id of a point to its pixel."""
+        content = self.content
+        if content is None or not len(content):
+            return {}
+        observed = content.observations
+        rows = np.unique(observed[observed[:, 0] >= len(content) - RECENT_KEYFRAMES, 2])
+        camera_from_world = np.linalg.inv(world_from_body @ content.calibration.body_from_camera)
+        points = content.landmarks[rows] @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+        ahead = points[:, 2] > 0.1
+        pixels = points[ahead] @ content.calibration.camera_matrix.T
+        pixels = pixels[:, :2] / pixels[:, 2:]
+        inside = ((pixels >= 0) & (pixels < content.calibration.image_size)).all(axis=1)
+        ids = content.landmark_ids[rows[ahead][inside]]
+        return dict(zip(ids.tolist(), pixels[inside]))
+
+
+class LiveView:
+    """Called with every frame of a run; `partial` is the map file that grows meanwhile."""
+
+    def __init__(self, scene: Scene, truth: Trajectory | None, partial: Path):
+        self._scene = scene
+        self._map = GrowingMap(partial)
+        self._truth = TruthFollower(truth) if truth is not None else None
+        self._path: list[np.ndarray] = []
+        self._expected: dict[int, np.ndarray] = {}
+        self._frames: dict[int, int] = {}  # time: index of each frame
+        self._shown = 0                    # keyframes whose features have been logged
+        scene.world(upright=False)
+        scene.series_styles()
+
+    def __call__(self, frame: object) -> None:
+        """Logs one frame."""
+        self._frames[frame.timestamp_ns] = frame.index
+        self._at(frame.timestamp_ns)
+        self._image(frame)
+        self._pose(frame)
+        self._scene.scalar("tracked", frame.tracked_points)
+        for stage, milliseconds in frame.stage_ms.items():
+            self._scene.scalar(f"stages/{stage.replace(' ', '_')}", milliseconds)
+        if frame.is_keyframe and self._map.refresh():
+            self._log_map(self._map.content, frame.component)
+            self._log_keyframes()
+
+    def _at(self, time_ns: int) -> None:
+        start = next(iter(self._frames))
+        self._scene.at((time_ns - start) * 1e-9, self._frames[time_ns])
+
+    def _image(self, frame: object) -> None:
+        if frame.left is None:
+            return
+        self._scene.image(frame.left)
+        self._scene.pixels("keypoints", frame.keypoints, KEYPOINT, 1.6)
+        before, self._expected = self._expected, {}
+        if frame.world_from_body is not None:
+            self._expected = self._map.project(frame.world_from_body)
+        self._scene.pixels("map", np.array(list(self._expected.values())).reshape(-1, 2), TRACKED)
+        self._scene.strips("motion", [np.array([before[key], pixel]) for key, pixel in self._expected.items()
+                                      if key in before], TRACK)
+        for name in ("lines", "matches"):  # of a keyframe: not of the frames after it
+            self._scene.strips(name, [], LINE)
+
+    def _pose(self, frame: object) -> None:
+        if frame.world_from_body is None:
+            return
+        if frame.state == "initialized" and self._path:  # a new component shares no world with the last
+            self._path, self._expected = [], {}
+            if self._truth is not None:
+                self._truth.restart()
+        self._path.append(frame.world_from_body[:3, 3])
+        self._scene.path("world/trajectory", np.array(self._path), ESTIMATE)
+        if self._truth is None:
+            return
+        self._truth.add(frame.timestamp_ns, frame.world_from_body)
+        if frame.is_keyframe:
+            self._log_truth(self._truth, int(self._truth.times[0]), frame.timestamp_ns)
+
+    def _log_truth(self, follower: TruthFollower, begin_ns: int, end_ns: int) -> None:
+        move = follower.estimate_from_truth()
+        if move is None:
+            return
+        seen = (follower.times >= begin_ns) & (follower.times <= end_ns)
+        self._scene.path("world/truth", follower.poses[seen, :3, 3] @ move[:3, :3].T + move[:3, 3], TRUTH,
+                         radius=0.008)
+
+    def _log_map(self, content: Map, component: int, up: int = 1) -> None:
+        rows = content.components == component
+        self._scene.map("world", content.landmarks[content.landmark_components == component],
+                        content.lines[content.line_components == component], up)
+        self._scene.keyframes("world/keyframes", content.world_from_camera[rows],
+                              content.calibration.camera_matrix, content.calibration.image_size)
+
+    def _log_keyframes(self) -> None:
+        """Lines, matches with the keyframe before, and biases of keyframes that the map file has now, at their times."""
+        content = self._map.content
+        for row in range(self._shown, len(content)):
+            time_ns = int(content.timestamps_ns[row])
+            if time_ns not in self._frames:
+                continue
+            self._at(time_ns)
+            keyframe = content.keyframe(row)
+            lines = np.asarray(keyframe.lines)[np.asarray(keyframe.line_scores) >= LINE_SCORE]
+            self._scene.strips("lines", lines.reshape(-1, 2, 2), LINE)
+            self._scene.strips("matches", matches(content.keyframe(row - 1), keyframe) if row else [], MATCH)
+            if np.isfinite(content.gyroscope_biases[row]).all():
+                self._scene.bias(content.gyroscope_biases[row], content.accelerometer_biases[row])
+        self._shown = len(content)
+
+    def finish(self, result: Path) -> None:
+        """Logs the final map and trajectory, with z up where gravity became known, and the final alignment."""
+        self._map.content = content = Map.load(result / "map.db")
+        self._log_keyframes()
+        self._at(max(self._frames))
+        upright = bool(np.isfinite(content.gyroscope_biases).all(axis=1).any())
+        self._scene.world(upright)
+        estimate = Trajectory.load(result / "trajectory.tum")
+        self._log_map(content, largest_component(content), 2 if upright else 1)
+        self._scene.path("world/trajectory", estimate.world_from_body[:, :3, 3], ESTIMATE)
+        if self._truth is None or not len(estimate):
+            return
+        self._truth.restart()
+        for time_ns, pose in zip(estimate.timestamps_ns.tolist(), estimate.world_from_body):
+            self._truth.add(time_ns, pose)
+        self._log_truth(self._truth, int(estimate.timestamps_ns[0]), int(estimate.timestamps_ns[-1]))
+
+
+def matches(before: object, keyframe: object) -> np.ndarray:
+    """(n, 2, 2): pixels of the points that two keyframes both see, in the first and in the second."""
+    ids = [np.asarray(k.landmark_ids) for k in (before, keyframe)]
+    _, first, second = np.intersect1d(np.where(ids[0] >= 0, ids[0], -1), np.where(ids[1] >= 0, ids[1], -2),
+                                      return_indices=True)
+    return np.stack([np.asarray(before.keypoints)[first], np.asarray(keyframe.keypoints)[second]], axis=1)
