@@ -17,6 +17,8 @@ ALIGN_FROM = 10         # poses, before which the ground truth hangs on the firs
 ALIGN_DISTANCE = 0.3    # metres of path, likewise
 MAP_SHARE = 0.1         # of the time may go into reading the growing map
 RECENT_KEYFRAMES = 5    # whose points are shown in the image
+# While the run goes on its world is that of its first body; what has been shown is turned upright at the end.
+GOING_ON, FINISHED = "world/run", "world"
 
 
 class TruthFollower:
@@ -94,6 +96,7 @@ class LiveView:
         self._map = GrowingMap(partial)
         self._truth = TruthFollower(truth) if truth is not None else None
         self._path: list[np.ndarray] = []
+        self._poses: dict[int, np.ndarray] = {}  # as first estimated, by time
         self._expected: dict[int, np.ndarray] = {}
         self._frames: dict[int, int] = {}  # time: index of each frame
         self._shown = 0                    # keyframes whose features have been logged
@@ -110,7 +113,7 @@ class LiveView:
         for stage, milliseconds in frame.stage_ms.items():
             self._scene.scalar(f"stages/{stage.replace(' ', '_')}", milliseconds)
         if frame.is_keyframe and self._map.refresh():
-            self._log_map(self._map.content, frame.component)
+            self._log_map(GOING_ON, self._map.content, frame.component)
             self._log_keyframes()
 
     def _at(self, time_ns: int) -> None:
@@ -138,44 +141,52 @@ class LiveView:
             self._path, self._expected = [], {}
             if self._truth is not None:
                 self._truth.restart()
+        self._poses[frame.timestamp_ns] = frame.world_from_body
         self._path.append(frame.world_from_body[:3, 3])
-        self._scene.path("world/trajectory", np.array(self._path), ESTIMATE)
+        self._scene.path(f"{GOING_ON}/trajectory", np.array(self._path), ESTIMATE)
         if self._truth is None:
             return
         self._truth.add(frame.timestamp_ns, frame.world_from_body)
         if frame.is_keyframe:
-            self._log_truth(self._truth, int(self._truth.times[0]), frame.timestamp_ns)
+            self._log_truth(GOING_ON, int(self._truth.times[0]), frame.timestamp_ns)
 
-    def _log_truth(self, follower: TruthFollower, begin_ns: int, end_ns: int) -> None:
-        move = follower.estimate_from_truth()
+    def _log_truth(self, world: str, begin_ns: int, end_ns: int) -> None:
+        truth, move = self._truth, self._truth.estimate_from_truth()
         if move is None:
             return
-        seen = (follower.times >= begin_ns) & (follower.times <= end_ns)
-        self._scene.path("world/truth", follower.poses[seen, :3, 3] @ move[:3, :3].T + move[:3, 3], TRUTH,
-                         radius=0.008)
+        seen = (truth.times >= begin_ns) & (truth.times <= end_ns)
+        self._scene.path(f"{world}/truth", truth.poses[seen, :3, 3] @ move[:3, :3].T + move[:3, 3], TRUTH, radius=0.008)
 
-    def _log_map(self, content: Map, component: int, up: int = 1) -> None:
+    def _log_map(self, world: str, content: Map, component: int, up: int = 1) -> None:
         rows = content.components == component
-        self._scene.map("world", content.landmarks[content.landmark_components == component],
+        self._scene.map(world, content.landmarks[content.landmark_components == component],
                         content.lines[content.line_components == component], up)
-        self._scene.keyframes("world/keyframes", content.world_from_camera[rows],
+        self._scene.keyframes(f"{world}/keyframes", content.world_from_camera[rows],
                               content.calibration.camera_matrix, content.calibration.image_size)
 
     def _log_keyframes(self) -> None:
         """Lines, matches with the keyframe before, and biases of keyframes that the map file has now, at their times."""
         content = self._map.content
-        for row in range(self._shown, len(content)):
-            time_ns = int(content.timestamps_ns[row])
-            if time_ns not in self._frames:
-                continue
+        while self._shown < len(content):
+            row, time_ns = self._shown, int(content.timestamps_ns[self._shown])
+            if time_ns not in self._frames:  # its frame comes next
+                return
+            self._shown += 1
             self._at(time_ns)
             keyframe = content.keyframe(row)
             lines = np.asarray(keyframe.lines)[np.asarray(keyframe.line_scores) >= LINE_SCORE]
             self._scene.strips("lines", lines.reshape(-1, 2, 2), LINE)
-            self._scene.strips("matches", matches(content.keyframe(row - 1), keyframe) if row else [], MATCH)
+            self._scene.strips("matches", matches(content.keyframe(row - 1), keyframe) if row else [], MATCH, 0.5)
             if np.isfinite(content.gyroscope_biases[row]).all():
                 self._scene.bias(content.gyroscope_biases[row], content.accelerometer_biases[row])
-        self._shown = len(content)
+
+    def _turn(self, estimate: Trajectory) -> None:
+        """Takes away what was shown while the run went on, and lays it into the final world for times before."""
+        self._scene.clear(GOING_ON)
+        for time_ns, pose in zip(estimate.timestamps_ns.tolist(), estimate.world_from_body):
+            if time_ns in self._poses:
+                self._scene.transform(GOING_ON, pose @ np.linalg.inv(self._poses[time_ns]), static=True)
+                return
 
     def finish(self, result: Path) -> None:
         """Logs the final map and trajectory, with z up where gravity became known, and the final alignment."""
@@ -185,14 +196,15 @@ class LiveView:
         upright = bool(np.isfinite(content.gyroscope_biases).all(axis=1).any())
         self._scene.world(upright)
         estimate = Trajectory.load(result / "trajectory.tum")
-        self._log_map(content, largest_component(content), 2 if upright else 1)
-        self._scene.path("world/trajectory", estimate.world_from_body[:, :3, 3], ESTIMATE)
+        self._turn(estimate)
+        self._log_map(FINISHED, content, largest_component(content), 2 if upright else 1)
+        self._scene.path(f"{FINISHED}/trajectory", estimate.world_from_body[:, :3, 3], ESTIMATE)
         if self._truth is None or not len(estimate):
             return
         self._truth.restart()
         for time_ns, pose in zip(estimate.timestamps_ns.tolist(), estimate.world_from_body):
             self._truth.add(time_ns, pose)
-        self._log_truth(self._truth, int(estimate.timestamps_ns[0]), int(estimate.timestamps_ns[-1]))
+        self._log_truth(FINISHED, int(estimate.timestamps_ns[0]), int(estimate.timestamps_ns[-1]))
 
 
 def matches(before: object, keyframe: object) -> np.ndarray:

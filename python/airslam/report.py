@@ -46,9 +46,11 @@ def _plots() -> object:
     return plots
 
 
-def load_subject(folder: Path, truth: Path | None, dataset: Path | None) -> Subject:
+def load_subject(folder: Path, truth: Path | None = None, dataset: Path | None = None) -> Subject:
     """Reads everything; ground truth and data set are found by themselves where they are not given."""
     results = load_results(folder)
+    if not len(results.trajectory):
+        raise Error(f"{folder / 'trajectory.tum'} holds no pose")
     if dataset is not None and not dataset.is_dir():
         raise Error(f"the data set {dataset} is no folder")
     dataset = dataset or results.dataset
@@ -109,6 +111,9 @@ def _events(subject: Subject) -> str:
     events = [escape(str(warning)) for warning in report.get("warnings", [])]
     events += [f"lost from {at(i['from_ns'])} to {at(i['to_ns'])}: {i['frames']} frames"
                for i in report.get("lost_intervals", [])]
+    if report.get("stopped_by"):
+        events.append(f"the run was ended by {escape(report['stopped_by'])} after {report['frames']} of "
+                      f"{report.get('frames_in_sequence', '?')} frames")
     if report.get("frames_skipped"):
         events.append(f"{report['frames_skipped']} frames skipped: their images could not be used")
     if report.get("components", 1) > 1:
@@ -241,15 +246,26 @@ def page(subject: Subject) -> str:
             f"<style>{css}</style></head><body><main>{''.join(parts)}</main></body></html>\n")
 
 
-def write_report(folder: Path, *, truth: Path | None = None, dataset: Path | None = None,
-                 out: Path | None = None, pictures: bool = False) -> Path:
-    """Writes the page (report.html in the folder by default) and returns its path.
+def summary(subject: Subject) -> str:
+    """A few lines of the same for the terminal."""
+    report, folder = subject.results.report, subject.results.folder
+    lost = sum(interval["frames"] for interval in report.get("lost_intervals", []))
+    lines = [f"frames       {report['frames']}, lost {lost}",
+             f"speed        {report['frames_per_second']:.1f} frames/s ({report['wall_seconds']:.1f} s for everything)",
+             f"map          {report['keyframes']} keyframes, {report['landmarks']} points, "
+             f"{report.get('lines', {}).get('landmarks', 0)} lines, {(folder / 'map.db').stat().st_size / 1e6:.1f} MB"]
+    if subject.evaluation is not None:
+        lines.append(f"accuracy     ATE RMSE {_length(subject.comparison.rmse)} over "
+                     f"{subject.evaluation['path_length_m']:.1f} m (body, SE(3) alignment)")
+    return "\n".join(lines)
+
+
+def write_report(subject: Subject, *, out: Path | None = None, pictures: bool = False) -> Path:
+    """Writes the page (report.html in the result folder by default) and returns its path.
 
     With pictures, trajectory.png and map.png are written beside it.
     """
-    subject = load_subject(folder, truth, dataset)
-    if not len(subject.results.trajectory.timestamps_ns):
-        raise Error(f"{folder / 'trajectory.tum'} holds no pose")
+    folder = subject.results.folder
     file = out or folder / "report.html"
     file.write_text(page(subject))
     if pictures:
@@ -276,7 +292,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def main(arguments: argparse.Namespace) -> int:
     """Runs the command."""
-    file = write_report(arguments.folder, truth=arguments.truth, dataset=arguments.dataset,
-                        out=arguments.out, pictures=arguments.pictures)
-    print(f"written: {file} ({file.stat().st_size / 1e6:.1f} MB)")
+    subject = load_subject(arguments.folder, arguments.truth, arguments.dataset)
+    file = write_report(subject, out=arguments.out, pictures=arguments.pictures)
+    print(summary(subject))
+    print(f"page         {file} ({file.stat().st_size / 1e6:.1f} MB)")
     return 0

@@ -6,6 +6,7 @@
     world/trajectory          of the body
     world/keyframes           frusta of the keyframes
     world/points, world/lines the map
+    world/run/…               the same four and the ground truth while a run goes on
     camera/image              the left image, and below it
         keypoints             what was detected
         map                   points of the map: those a keyframe sees (view), where the pose expects them (run)

@@ -75,9 +75,9 @@ def test_each_frame_is_recorded(tmp_path: Path) -> None:
     assert recorded.count("/camera/image", "EncodedImage:blob") == 6
     assert [recorded.nth("/plots/stages/track", "Scalars:scalars", i)[0] for i in range(6)] == [2, 3, 4, 5, 6, 7]
     assert recorded.has("/plots/stages/detect_left")
-    strip, = recorded.last("/world/trajectory", "LineStrips3D:strips")
+    strip, = recorded.last("/world/run/trajectory", "LineStrips3D:strips")
     assert strip == pytest.approx(path(30)[:6], abs=1e-6)
-    assert not recorded.has("/world/points") and not recorded.has("/world/truth")
+    assert not recorded.has("/world/run/points") and not recorded.has("/world/run/truth")
 
 
 def test_frames_without_image_or_pose_are_no_error(tmp_path: Path) -> None:
@@ -85,13 +85,13 @@ def test_frames_without_image_or_pose_are_no_error(tmp_path: Path) -> None:
     recorded = record(tmp_path, [frame(0), frame(1, left=None, state="skipped", **lost),
                                  frame(2, state="lost", **lost), frame(3)])
     assert recorded.count("/camera/image", "EncodedImage:blob") == 3
-    strip, = recorded.last("/world/trajectory", "LineStrips3D:strips")
+    strip, = recorded.last("/world/run/trajectory", "LineStrips3D:strips")
     assert len(strip) == 2
 
 
 def test_a_new_component_begins_a_new_path(tmp_path: Path) -> None:
     recorded = record(tmp_path, [frame(0), frame(1), frame(2), frame(3, state="initialized"), frame(4)])
-    strip, = recorded.last("/world/trajectory", "LineStrips3D:strips")
+    strip, = recorded.last("/world/run/trajectory", "LineStrips3D:strips")
     assert strip == pytest.approx(path(30)[3:5], abs=1e-6)
 
 
@@ -104,9 +104,9 @@ def test_truth_and_the_growing_map(tmp_path: Path) -> None:
     frames = [frame(i, timestamp_ns=int(t), world_from_body=p, is_keyframe=int(t) in times) for i, (t, p) in
               enumerate(zip(estimate.timestamps_ns, estimate.world_from_body))]
     recorded = record(tmp_path, frames, airslam.Trajectory.load(dataset / TRUTH), result / "map.db")
-    assert np.array_equal(recorded.last("/world/points", "Points3D:positions"), content.landmarks.astype(np.float32))
-    assert recorded.has("/world/keyframes") and recorded.has("/world/lines")
-    truth, = recorded.last("/world/truth", "LineStrips3D:strips")
+    assert np.array_equal(recorded.last("/world/run/points", "Points3D:positions"), content.landmarks.astype(np.float32))
+    assert recorded.has("/world/run/keyframes") and recorded.has("/world/run/lines")
+    truth, = recorded.last("/world/run/truth", "LineStrips3D:strips")
     last = max(i for i, each in enumerate(frames) if each.is_keyframe)
     gaps = np.linalg.norm(np.asarray(truth)[:, None] - estimate.world_from_body[None, :last, :3, 3], axis=2)
     assert gaps.min(axis=0).max() < 0.02
@@ -149,6 +149,12 @@ def test_the_end_shows_what_the_run_has_left(tmp_path: Path) -> None:
     strip, = recorded.last("/world/trajectory", "LineStrips3D:strips")
     assert np.array_equal(strip, estimate.world_from_body[:, :3, 3].astype(np.float32))
     assert recorded.has("/world/points") and recorded.has("/camera/image/matches")
+    # What was shown before is gone now, and was turned into the final world.
+    assert recorded.has("/world/run/trajectory") and recorded.count("/world/run", "Clear:is_recursive") == 1
+    turn = np.eye(4)
+    turn[:3, :3] = recorded.last("/world/run", "Transform3D:mat3x3").reshape(3, 3).T  # column by column
+    turn[:3, 3] = recorded.last("/world/run", "Transform3D:translation").ravel()
+    assert turn @ pose(path(30)[0]) == pytest.approx(estimate.world_from_body[0], abs=1e-6)
     truth, = recorded.last("/world/truth", "LineStrips3D:strips")
     gaps = np.linalg.norm(np.asarray(truth)[:, None] - estimate.world_from_body[None, :, :3, 3], axis=2)
     assert gaps.min(axis=0).max() < 0.02

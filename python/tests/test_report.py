@@ -46,7 +46,7 @@ class Page(HTMLParser):
 
 
 def page_of(folder: Path, **options: object) -> Page:
-    file = report.write_report(folder, **options)
+    file = report.write_report(report.load_subject(folder), **options)
     page = Page(file.read_text())
     assert page.open == []
     assert all(reference.startswith("data:image/") for reference in page.references)
@@ -71,8 +71,9 @@ def test_the_page_says_what_the_files_say(tmp_path: Path) -> None:
 
 def test_the_same_results_give_the_same_page(tmp_path: Path) -> None:
     folder = copy_of_result(tmp_path)
-    first = report.write_report(folder).read_bytes()
-    assert report.write_report(folder, out=tmp_path / "again.html").read_bytes() == first
+    first = report.write_report(report.load_subject(folder)).read_bytes()
+    again = report.write_report(report.load_subject(folder), out=tmp_path / "again.html")
+    assert again.read_bytes() == first
 
 
 def test_without_ground_truth_and_images(tmp_path: Path) -> None:
@@ -83,13 +84,22 @@ def test_without_ground_truth_and_images(tmp_path: Path) -> None:
                                 "to_ns": facts["frame_states"][8]["timestamp_ns"], "frames": 6}]
     for state in facts["frame_states"][3:9]:
         state["state"] = "lost"
+    facts["stopped_by"], facts["frames_in_sequence"] = "SIGTERM", 99
     facts["inertial"].update(state="time offset", reason="the IMU is late <by far>")
     (folder / "report.json").write_text(json.dumps(facts))
     page = page_of(folder, pictures=True)
     assert "No ground truth was found or given" in page.text and "What the camera saw" not in page.text
     assert "lost from 0.30 s to 0.80 s: 6 frames" in page.text and "lost: 6" in page.text
+    assert f"ended by SIGTERM after {FRAMES} of 99 frames" in page.text
     assert "the IMU is late <by far>" in page.text  # escaped in the file, or the parser had dropped it
     assert {"report.html", "trajectory.png", "map.png"} <= {file.name for file in folder.iterdir()}
+
+
+def test_the_command_sums_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = copy_of_result(tmp_path)
+    assert main(["report", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert f"frames       {FRAMES}, lost 0" in said and "ATE RMSE" in said and "report.html (" in said
 
 
 def test_failures_are_sentences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,12 @@ namespace airslam {
 void StageTimes::Record(const std::string& stage, double milliseconds) {
   std::lock_guard lock(mutex_);
   samples_[stage].push_back(static_cast<float>(milliseconds));
+  totals_ms_[stage] += milliseconds;
+}
+
+std::map<std::string, double> StageTimes::TotalsMs() const {
+  std::lock_guard lock(mutex_);
+  return totals_ms_;
 }
 
 std::map<std::string, StageTimes::Summary> StageTimes::Summarize() const {

@@ -26,9 +26,13 @@ class StageTimes {
   // One entry a stage, ordered by name.
   std::map<std::string, Summary> Summarize() const;
 
+  // Milliseconds that each stage has taken in all so far. Quick: for asking after every frame.
+  std::map<std::string, double> TotalsMs() const;
+
  private:
   mutable std::mutex mutex_;
   std::map<std::string, std::vector<float>> samples_;
+  std::map<std::string, double> totals_ms_;
 };
 
 // Records the time from its construction to its destruction.

@@ -28,6 +28,17 @@ TEST(StageTimesTest, SummarizesEachStage) {
   EXPECT_DOUBLE_EQ(detect.p95_ms, 2.5);
 }
 
+TEST(StageTimesTest, TotalsGrowWithEachRecord) {
+  StageTimes times;
+  EXPECT_TRUE(times.TotalsMs().empty());
+  times.Record("match", 2);
+  times.Record("detect", 1.5);
+  EXPECT_DOUBLE_EQ(times.TotalsMs().at("match"), 2);
+  times.Record("match", 3);
+  EXPECT_DOUBLE_EQ(times.TotalsMs().at("match"), 5);
+  EXPECT_DOUBLE_EQ(times.TotalsMs().at("detect"), 1.5);
+}
+
 TEST(StageTimesTest, EmptyWithoutRecords) { EXPECT_TRUE(StageTimes().Summarize().empty()); }
 
 TEST(StageTimesTest, ScopedStageRecordsOnce) {
