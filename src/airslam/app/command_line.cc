@@ -42,6 +42,7 @@ int RunCommandLine(int argc, char** argv) {
   AddDetectCommand(app);
   AddOptionsCommand(app);
   AddEvalCommand(app);
+  AddCheckCalibCommand(app);
   AddDoctorCommand(app);
   AddTrainVocabularyCommand(app);
   AddLocalizeCommand(app);

@@ -20,6 +20,7 @@ void AddFeaturesCommand(CLI::App& app);
 void AddDetectCommand(CLI::App& app);
 void AddOptionsCommand(CLI::App& app);
 void AddEvalCommand(CLI::App& app);
+void AddCheckCalibCommand(CLI::App& app);
 void AddDoctorCommand(CLI::App& app);
 void AddTrainVocabularyCommand(CLI::App& app);
 void AddLocalizeCommand(CLI::App& app);

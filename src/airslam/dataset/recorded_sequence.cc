@@ -16,8 +16,8 @@ constexpr std::size_t kProbes = 5;
 
 void CheckSize(const cv::Mat& image, const std::filesystem::path& file, const Pinhole& calibrated) {
   if (image.cols != calibrated.width || image.rows != calibrated.height) {
-    Fail("the image {} has {}x{} pixels, but the calibration says {}x{}", file.string(), image.cols,
-         image.rows, calibrated.width, calibrated.height);
+    Fail("wrong resolution: the image {} has {}x{} pixels, but the calibration says {}x{}",
+         file.string(), image.cols, image.rows, calibrated.width, calibrated.height);
   }
 }
 
