@@ -75,7 +75,7 @@ TEST_F(MapDamageTest, AnotherProgramsDatabase) {
 TEST_F(MapDamageTest, NewerVersion) {
   EXPECT_EQ(ErrorAfter("PRAGMA user_version = 7"),
             "map file " + file_.string() +
-                " is of format 7, written by a newer version; this program reads up to 2");
+                " is of format 7, written by a newer version; this program reads up to 3");
   EXPECT_EQ(ErrorAfter("PRAGMA user_version = 0"), damaged_ + "it claims to be of format 0");
 }
 
@@ -103,9 +103,9 @@ TEST_F(MapDamageTest, InconsistentRows) {
       "UPDATE observations SET line_landmarks = zeroblob(8)",
       "keyframe 0 has 2 right lines, not 1");
   expect("DROP TABLE line_landmarks", "no such table: line_landmarks");
-  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 4, 5, 6, 77)",
+  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 4, 5, 6, 77, 0)",
          "line landmark 0 is not valid");
-  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 1, 2, 3, 0)",
+  expect("INSERT INTO line_landmarks VALUES (0, 1, 2, 3, 1, 2, 3, 0, 0)",
          "line landmark 0 is not valid");
   expect("UPDATE features SET junction_descriptors = zeroblob(64)",
          "descriptors of 64 bytes are not those of 0 keypoints");
@@ -132,25 +132,85 @@ TEST_F(MapDamageTest, TruncatedAnywhere) {
   EXPECT_EQ(ErrorOfReading(), "");
 }
 
-// Whatever is overwritten: an Error, or a map (a bit of a BLOB may change unnoticed), no crash.
+// What a map holds, descriptors and all, as text.
+std::string ContentOf(const fs::path& file) {
+  const Map map = ReadMap(file);
+  std::string text = MapDigest(file);
+  for (const auto& [id, keyframe] : map.keyframes) {
+    text += fmt::format(" {} {} {} {}", id, keyframe.timestamp_ns, keyframe.keypoints.size(),
+                        keyframe.descriptors.sum());
+  }
+  return text + fmt::format(" {} {}", map.landmarks.size(), map.line_landmarks.size());
+}
+
+// Whatever is overwritten: one sentence about the file, or the map as it was (unused bytes). Never
+// a crash, never other content.
 TEST_F(MapDamageTest, OverwrittenAnywhere) {
   WriteTestMap(file_, 3, 30);
+  const std::string content = ContentOf(file_);
   const std::string whole = ReadBytes(file_);
   std::mt19937 random(5);
   int refused = 0;
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < 600; ++trial) {
     std::string bytes = whole;
     const std::size_t begin = random() % bytes.size();
-    const std::size_t end = std::min(bytes.size(), begin + 1 + random() % 64);
-    for (std::size_t i = begin; i < end; ++i) bytes[i] = static_cast<char>(random());
+    // A bit, a byte, or up to a few dozen bytes.
+    const std::size_t end = std::min(bytes.size(), begin + 1 + random() % 64 * (trial % 3 / 2));
+    for (std::size_t i = begin; i < end; ++i) {
+      bytes[i] = trial % 3 == 0 ? static_cast<char>(bytes[i] ^ (1 << random() % 8))
+                                : static_cast<char>(random());
+    }
     folder_.Write("map.db", bytes);
-    try {
-      ReadMap(file_);
-    } catch (const Error&) {
+    std::string read;
+    const std::string error = ErrorOf([&] { read = ContentOf(file_); });
+    if (error.empty()) {
+      EXPECT_EQ(read, content) << "bytes " << begin << " to " << end;
+    } else {
       ++refused;
+      EXPECT_THAT(error, HasSubstr(file_.string()));
+      EXPECT_EQ(error.find('\n'), std::string::npos) << error;
     }
   }
-  EXPECT_GT(refused, 0);
+  EXPECT_GT(refused, 100);  // the rest hit bytes that hold nothing
+}
+
+// Numbers written by a machine of the other byte order.
+TEST_F(MapDamageTest, SwappedBytesOfBlobsAreNoticed) {
+  for (const char* column : {"keypoints", "right_x"}) {
+    fs::remove(file_);
+    WriteTestMap(file_, 2, 10);
+    {
+      SqliteDatabase database(file_, SqliteDatabase::Mode::kCreate);
+      std::string bytes;
+      {
+        SqliteStatement read(database, fmt::format("SELECT hex({}) FROM features", column));
+        ASSERT_TRUE(read.Step());
+        bytes = read.Text(0);
+      }
+      for (std::size_t i = 0; i + 8 <= bytes.size(); i += 8) {  // 4 bytes, as hexadecimal digits
+        std::swap_ranges(bytes.begin() + i, bytes.begin() + i + 2, bytes.begin() + i + 6);
+        std::swap_ranges(bytes.begin() + i + 2, bytes.begin() + i + 4, bytes.begin() + i + 4);
+      }
+      database.Execute(
+          fmt::format("UPDATE features SET {} = x'{}' WHERE keyframe_id = 0", column, bytes));
+    }
+    EXPECT_EQ(ErrorOfReading(), damaged_ + "1 of the rows of table features is not as written");
+  }
+}
+
+TEST_F(MapDamageTest, EditedRowsAreNoticed) {
+  EXPECT_EQ(ErrorAfter("UPDATE landmarks SET x = x + 0.001 WHERE id = 3"),
+            damaged_ + "1 of the rows of table landmarks is not as written");
+  EXPECT_EQ(ErrorAfter("UPDATE calibration SET baseline = 0.2"),
+            damaged_ + "1 of the rows of table calibration is not as written");
+  EXPECT_EQ(ErrorAfter("UPDATE meta SET value = 'other'"),
+            damaged_ + "2 of the rows of table meta are not as written");
+  EXPECT_EQ(ErrorAfter("PRAGMA user_version = 2"),
+            damaged_ + "it claims to be of format 2, but is newer");
+  // One who knows what he does can say so.
+  EXPECT_EQ(ErrorAfter("UPDATE landmarks SET x = 1.5, checksum = row_checksum(id, 1.5, y, z, "
+                       "first_seen_by) WHERE id = 3"),
+            "");
 }
 
 // Runs `child` in a child process, which must not return, and hands `parent` its id and what it

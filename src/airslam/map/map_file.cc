@@ -43,6 +43,14 @@ void RequireConsistent(const Keyframe& keyframe) {
   RequireFinite(keyframe.world_from_cam, fmt::format("keyframe {}", keyframe.id));
 }
 
+// "INSERT INTO table VALUES (?1, ..., row_checksum(?1, ...))": a row and its checksum.
+std::string InsertSql(std::string_view table, int columns, std::string_view verb = "INSERT") {
+  std::string parameters;
+  for (int i = 1; i <= columns; ++i) parameters += fmt::format("{}?{}", i > 1 ? ", " : "", i);
+  return fmt::format("{} INTO {} VALUES ({}, row_checksum({}))", verb, table, parameters,
+                     parameters);
+}
+
 // Binds qw, qx, qy, qz, tx, ty, tz from `parameter` on.
 void BindPose(SqliteStatement& statement, int parameter, const Rigid3& pose) {
   const Eigen::Quaterniond& q = pose.rotation;
@@ -126,26 +134,34 @@ struct MapWriter::Impl {
   std::optional<SqliteDatabase> database;
   struct Statements {
     explicit Statements(SqliteDatabase& db)
-        : insert_keyframe(db, "INSERT INTO keyframes VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11)"),
-          insert_features(db, "INSERT INTO features VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10)"),
-          insert_observations(db, "INSERT INTO observations VALUES (?1,?2,?3)"),
-          insert_landmark(db, "INSERT INTO landmarks VALUES (?1,?2,?3,?4,?5)"),
+        : insert_keyframe(db, InsertSql("keyframes", 11)),
+          insert_features(db, InsertSql("features", 10)),
+          insert_observations(db, InsertSql("observations", 3)),
+          insert_landmark(db, InsertSql("landmarks", 5)),
           update_pose(db,
-                      "UPDATE keyframes SET qw=?2, qx=?3, qy=?4, qz=?5, tx=?6, ty=?7, tz=?8 "
-                      "WHERE id=?1"),
-          update_inertial_state(db, "UPDATE keyframes SET inertial_state=?2 WHERE id=?1"),
+                      "UPDATE keyframes SET qw=?2, qx=?3, qy=?4, qz=?5, tx=?6, ty=?7, tz=?8, "
+                      "checksum=row_checksum(id, timestamp_ns, component, ?2, ?3, ?4, ?5, ?6, ?7, "
+                      "?8, inertial_state) WHERE id=?1"),
+          update_inertial_state(db,
+                                "UPDATE keyframes SET inertial_state=?2, checksum=row_checksum(id, "
+                                "timestamp_ns, component, qw, qx, qy, qz, tx, ty, tz, ?2) "
+                                "WHERE id=?1"),
           update_landmark(db,
-                          "UPDATE landmarks SET x=?2, y=?3, z=?4, first_seen_by=?5 WHERE id=?1"),
+                          "UPDATE landmarks SET x=?2, y=?3, z=?4, first_seen_by=?5, "
+                          "checksum=row_checksum(?1, ?2, ?3, ?4, ?5) WHERE id=?1"),
           update_observations(db,
-                              "UPDATE observations SET landmarks=?2 "
+                              "UPDATE observations SET landmarks=?2, "
+                              "checksum=row_checksum(keyframe_id, ?2, line_landmarks) "
                               "WHERE keyframe_id=?1 AND length(landmarks) = length(?2)"),
           delete_landmark(db, "DELETE FROM landmarks WHERE id=?1"),
-          insert_line_landmark(db, "INSERT INTO line_landmarks VALUES (?1,?2,?3,?4,?5,?6,?7,?8)"),
+          insert_line_landmark(db, InsertSql("line_landmarks", 8)),
           update_line_landmark(db,
                                "UPDATE line_landmarks SET x1=?2, y1=?3, z1=?4, x2=?5, y2=?6, "
-                               "z2=?7, first_seen_by=?8 WHERE id=?1"),
+                               "z2=?7, first_seen_by=?8, checksum=row_checksum(?1, ?2, ?3, ?4, ?5, "
+                               "?6, ?7, ?8) WHERE id=?1"),
           update_line_observations(db,
-                                   "UPDATE observations SET line_landmarks=?2 WHERE "
+                                   "UPDATE observations SET line_landmarks=?2, "
+                                   "checksum=row_checksum(keyframe_id, landmarks, ?2) WHERE "
                                    "keyframe_id=?1 AND length(line_landmarks) = length(?2)"),
           delete_line_landmark(db, "DELETE FROM line_landmarks WHERE id=?1") {}
     SqliteStatement insert_keyframe, insert_features, insert_observations, insert_landmark;
@@ -174,7 +190,7 @@ void MapWriter::Impl::Create(const MapCalibration& calibration, const std::strin
       database->Execute(fmt::format("PRAGMA user_version = {}", kMapFormatVersion));
       database->Execute(kMapSchema);
       WriteCalibration(calibration);
-      SqliteStatement meta(*database, "INSERT INTO meta VALUES (?1, ?2)");
+      SqliteStatement meta(*database, InsertSql("meta", 2));
       for (const auto& [key, value] :
            {std::pair<std::string_view, std::string_view>{"model_pack", model_pack},
             {"model_pack_sha256", model_pack_sha256}}) {
@@ -192,19 +208,18 @@ void MapWriter::Impl::Create(const MapCalibration& calibration, const std::strin
 }
 
 void MapWriter::Impl::WriteCalibration(const MapCalibration& calibration) {
-  SqliteStatement statement(*database,
-                            "INSERT INTO calibration VALUES "
-                            "(1,?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15)");
+  SqliteStatement statement(*database, InsertSql("calibration", 16));
   const Pinhole& camera = calibration.stereo.camera;
-  statement.Bind(1, camera.fx);
-  statement.Bind(2, camera.fy);
-  statement.Bind(3, camera.cx);
-  statement.Bind(4, camera.cy);
-  statement.Bind(5, std::int64_t{camera.width});
-  statement.Bind(6, std::int64_t{camera.height});
-  statement.Bind(7, calibration.stereo.baseline);
-  BindPose(statement, 8, calibration.body_from_left);
-  statement.Bind(15, std::int64_t{calibration.has_imu});
+  statement.Bind(1, std::int64_t{1});
+  statement.Bind(2, camera.fx);
+  statement.Bind(3, camera.fy);
+  statement.Bind(4, camera.cx);
+  statement.Bind(5, camera.cy);
+  statement.Bind(6, std::int64_t{camera.width});
+  statement.Bind(7, std::int64_t{camera.height});
+  statement.Bind(8, calibration.stereo.baseline);
+  BindPose(statement, 9, calibration.body_from_left);
+  statement.Bind(16, std::int64_t{calibration.has_imu});
   statement.Run();
 }
 
@@ -249,7 +264,7 @@ void MapWriter::Impl::WriteImuReadings(KeyframeId id, const std::vector<ImuSampl
                                        const ImuNoise& noise) {
   if (samples.empty()) return;
   database->Execute(kImuSchema);
-  SqliteStatement write(*database, "INSERT OR REPLACE INTO imu_readings VALUES (?1,?2,?3)");
+  SqliteStatement write(*database, InsertSql("imu_readings", 3, "INSERT OR REPLACE"));
   const Bytes noise_values = EncodeArray<double>(std::array<double, 5>{
       noise.gyroscope_noise_density, noise.gyroscope_random_walk, noise.accelerometer_noise_density,
       noise.accelerometer_random_walk, noise.rate_hz});
@@ -364,7 +379,7 @@ void MapWriter::Apply(const Update& update) {
 void MapWriter::WritePlaceRecord(const PlaceRecord& record) {
   impl_->Transact([&] {
     impl_->database->Execute(kPlaceSchema);
-    SqliteStatement vocabulary(*impl_->database, "INSERT INTO vocabulary VALUES (?1,?2,?3)");
+    SqliteStatement vocabulary(*impl_->database, InsertSql("vocabulary", 3));
     vocabulary.Bind(1, std::string_view("keypoints"));
     vocabulary.Bind(2, std::string_view(record.vocabulary_sha256));
     vocabulary.Run();
@@ -377,7 +392,7 @@ void MapWriter::WritePlaceRecord(const PlaceRecord& record) {
       vocabulary.Bind(3, record.junction_vocabulary);
       vocabulary.Run();
     }
-    SqliteStatement words(*impl_->database, "INSERT INTO bag_of_words VALUES (?1,?2,?3)");
+    SqliteStatement words(*impl_->database, InsertSql("bag_of_words", 3));
     for (const auto& [id, of_keyframe] : record.words) {
       const Bytes keypoints = EncodeArray<std::uint16_t>(of_keyframe.keypoints);
       const Bytes junctions = EncodeArray<std::uint16_t>(of_keyframe.junctions);
@@ -386,7 +401,7 @@ void MapWriter::WritePlaceRecord(const PlaceRecord& record) {
       if (!junctions.empty()) words.Bind(3, junctions);
       words.Run();
     }
-    SqliteStatement shared(*impl_->database, "INSERT INTO covisibility VALUES (?1,?2,?3)");
+    SqliteStatement shared(*impl_->database, InsertSql("covisibility", 3));
     for (const auto& [a, neighbours] : record.covisibility) {
       for (const auto& [b, count] : neighbours) {
         if (b <= a) continue;

@@ -15,8 +15,8 @@
 namespace airslam {
 
 // The version of the schema that this program writes, and the newest that it reads. It reads all
-// earlier ones: version 1 has no line landmarks and no right lines.
-inline constexpr int kMapFormatVersion = 2;
+// earlier ones: version 1 has no line landmarks and no right lines, versions 1 and 2 no checksums.
+inline constexpr int kMapFormatVersion = 3;
 
 // Writes a map file (SQLite 3, WAL; schema in docs/map_format.md). Every call below is one
 // transaction: a killed process leaves all that was committed. Not thread-safe: one thread owns it.

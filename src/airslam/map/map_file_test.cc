@@ -216,6 +216,27 @@ TEST_F(MapFileTest, UpdateChangesTheLinesThatItNames) {
   EXPECT_EQ(map.line_landmarks.at(5).ends_in_world.end.x(), 1);
 }
 
+// Makes a file one of a version without checksums.
+void DropChecksums(SqliteDatabase& database, int version) {
+  for (const char* table : {"meta", "calibration", "keyframes", "features", "observations",
+                            "landmarks", "line_landmarks"}) {
+    database.Execute(fmt::format("ALTER TABLE {} DROP COLUMN checksum", table));
+  }
+  database.Execute(fmt::format("PRAGMA user_version = {}", version));
+}
+
+TEST_F(MapFileTest, ReadsVersion2) {
+  WriteTestMap(file_, 3, 50);
+  const std::string digest = MapDigest(file_);
+  {
+    SqliteDatabase database(file_, SqliteDatabase::Mode::kCreate);
+    DropChecksums(database, 2);
+  }
+  EXPECT_EQ(ReadMapVersion(file_), 2);
+  EXPECT_EQ(MapDigest(file_), digest);  // the content is the same
+  EXPECT_EQ(ReadMap(file_).keyframes.size(), 3u);
+}
+
 // What version 1 of the format did not have is read as not there.
 TEST_F(MapFileTest, ReadsVersion1) {
   Keyframe keyframe = TestKeyframe(0, 4, 0);
@@ -225,11 +246,12 @@ TEST_F(MapFileTest, ReadsVersion1) {
   MapWriter writer(file_, TestCalibration(), "pack", "abc");
   writer.AddKeyframe(keyframe, TestLandmarks(keyframe));
   writer.Close();
-  EXPECT_EQ(ReadMapVersion(file_), 2);
-  SqliteDatabase(file_, SqliteDatabase::Mode::kCreate)
-      .Execute(
-          "DROP TABLE line_landmarks; ALTER TABLE features DROP COLUMN right_lines;"
-          "PRAGMA user_version = 1");
+  EXPECT_EQ(ReadMapVersion(file_), 3);
+  {
+    SqliteDatabase database(file_, SqliteDatabase::Mode::kCreate);
+    DropChecksums(database, 1);
+    database.Execute("DROP TABLE line_landmarks; ALTER TABLE features DROP COLUMN right_lines");
+  }
   EXPECT_EQ(ReadMapVersion(file_), 1);
   EXPECT_EQ(MapDigest(file_).size(), 64u);
   const Map map = ReadMap(file_);

@@ -4,6 +4,7 @@
 #include <sqlite3.h>
 #include <stdlib.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -55,7 +56,9 @@ struct OpenMap {
 };
 
 [[noreturn]] void FailDamaged(const fs::path& file, std::string_view reason) {
-  Fail("map file {} is truncated or damaged: {}", file.string(), reason);
+  std::string line(reason);  // SQLite's own check answers in several lines
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  Fail("map file {} is truncated or damaged: {}", file.string(), line);
 }
 
 // Throws unless the file is there and begins as an SQLite file does.
@@ -351,6 +354,43 @@ void Open(OpenMap& map, const fs::path& file) {
   }
 }
 
+// The columns of a table but for its checksum, "a, b, c".
+std::string ColumnsOf(SqliteDatabase& database, const char* table) {
+  SqliteStatement info(database, fmt::format("SELECT name FROM pragma_table_info('{}') "
+                                             "WHERE name <> 'checksum' ORDER BY cid",
+                                             table));
+  std::string columns;
+  while (info.Step()) columns += (columns.empty() ? "" : ", ") + info.Text(0);
+  return columns;
+}
+
+bool HasChecksums(SqliteDatabase& database) {
+  return database.QueryInteger(
+             "SELECT count(*) FROM pragma_table_info('features') WHERE name = 'checksum'") > 0;
+}
+
+// Throws Error when a row is not as it was written. Formats before version 3 cannot tell.
+void VerifyRows(SqliteDatabase& database, std::int64_t version) {
+  if (version < 3) {
+    if (HasChecksums(database)) Fail("it claims to be of format {}, but is newer", version);
+    return;
+  }
+  const auto verify = [&](const MapTable& table) {
+    const std::int64_t changed = database.QueryInteger(
+        fmt::format("SELECT count(*) FROM {} WHERE checksum IS NOT row_checksum({})", table.name,
+                    ColumnsOf(database, table.name)));
+    if (changed > 0) {
+      Fail("{} of the rows of table {} {} not as written", changed, table.name,
+           changed == 1 ? "is" : "are");
+    }
+  };
+  for (const MapTable& table : MapTables(version)) verify(table);
+  if (HasTable(database, kImuTable.name)) verify(kImuTable);
+  for (const MapTable& table : kPlaceTables) {
+    if (HasTable(database, table.name)) verify(table);
+  }
+}
+
 // Opens `file` and returns what `read` makes of its database and the format's version. Whatever is
 // wrong inside becomes one sentence about the file.
 template <class Read>
@@ -360,7 +400,9 @@ auto ReadChecked(const fs::path& file, Read&& read) {
   try {
     const std::string check = map.database->QueryText("PRAGMA quick_check(1)");
     if (check != "ok") Fail("{}", check);
-    return read(*map.database, map.version);
+    auto result = read(*map.database, map.version);
+    VerifyRows(*map.database, map.version);
+    return result;
   } catch (const SqliteError& error) {
     FailDamaged(file, error.what());
   } catch (const Error& error) {
@@ -427,7 +469,8 @@ std::string MapDigest(const fs::path& file) {
       SqliteStatement row(database,
                           fmt::format("SELECT * FROM {} ORDER BY {}", table.name, table.key));
       while (row.Step()) {
-        for (int column = 0; column < row.columns(); ++column) UpdateDigest(sha, row, column);
+        const int columns = row.columns() - (version >= 3 ? 1 : 0);  // the last is the checksum
+        for (int column = 0; column < columns; ++column) UpdateDigest(sha, row, column);
       }
     };
     for (const MapTable& table : MapTables(version)) add(table);

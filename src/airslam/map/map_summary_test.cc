@@ -39,7 +39,7 @@ TEST(MapSummaryTest, CountsAndMeasures) {
   const auto file = folder.path() / "map.db";
   WriteMap(file);
   const MapSummary summary = SummarizeMap(file);
-  EXPECT_EQ(summary.format_version, 2);
+  EXPECT_EQ(summary.format_version, 3);
   EXPECT_EQ(summary.digest, MapDigest(file));
   EXPECT_EQ(summary.model_pack, "pack");
   EXPECT_EQ(summary.keyframes, 3);

@@ -3,8 +3,53 @@
 
 #include <sqlite3.h>
 
+#include <bit>
+
 namespace airslam {
 namespace {
+
+// FNV-1a, 64 bits (Fowler, Noll, Vo; IETF draft-eastlake-fnv).
+class Fnv {
+ public:
+  void Update(const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3u;
+  }
+  template <class T>
+  void Add(char type, const T& value) {
+    Update(&type, 1);
+    Update(&value, sizeof(value));
+  }
+  std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325u;
+};
+
+void AddValue(Fnv& hash, sqlite3_value* value) {
+  switch (sqlite3_value_type(value)) {
+    case SQLITE_INTEGER:
+      return hash.Add('i', std::int64_t{sqlite3_value_int64(value)});
+    case SQLITE_FLOAT:
+      return hash.Add('r', sqlite3_value_double(value) + 0.0);
+    case SQLITE_NULL:
+      return hash.Update("n", 1);
+    default: {
+      const bool is_text = sqlite3_value_type(value) == SQLITE_TEXT;
+      const void* data =
+          is_text ? static_cast<const void*>(sqlite3_value_text(value)) : sqlite3_value_blob(value);
+      const auto size = static_cast<std::uint64_t>(sqlite3_value_bytes(value));
+      hash.Add(is_text ? 't' : 'b', size);
+      if (data != nullptr) hash.Update(data, size);
+    }
+  }
+}
+
+extern "C" void RowChecksum(sqlite3_context* context, int count, sqlite3_value** values) {
+  Fnv hash;
+  for (int i = 0; i < count; ++i) AddValue(hash, values[i]);
+  sqlite3_result_int64(context, std::bit_cast<std::int64_t>(hash.value()));
+}
 
 [[noreturn]] void Throw(sqlite3* handle, int result_code) {
   throw SqliteError(result_code & 0xff,
@@ -24,6 +69,8 @@ SqliteDatabase::SqliteDatabase(const std::filesystem::path& file, Mode mode) {
     throw SqliteError(result & 0xff, text);
   }
   sqlite3_busy_timeout(handle_, 10'000);
+  sqlite3_create_function_v2(handle_, "row_checksum", -1, SQLITE_UTF8 | SQLITE_DETERMINISTIC,
+                             nullptr, RowChecksum, nullptr, nullptr, nullptr);
 }
 
 SqliteDatabase::~SqliteDatabase() { sqlite3_close_v2(handle_); }

@@ -28,7 +28,10 @@ class SqliteError : public std::runtime_error {
   int result_code_;
 };
 
-// An open database. Not thread-safe.
+// An open database. Not thread-safe. Its statements know row_checksum(...): FNV-1a, 64 bits, over
+// all arguments, each as a letter for its type (i, r, t, b, n) and its little-endian bytes, text
+// and BLOBs after their uint64 size; the result as int64. -0.0 counts as 0.0, as which it is
+// stored.
 class SqliteDatabase {
  public:
   enum class Mode { kCreate, kReadOnly };
