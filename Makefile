@@ -6,6 +6,7 @@
 #   make demo      build, then map the example sequence, evaluate it and draw it
 #   make sanitize  every test under AddressSanitizer and UndefinedBehaviorSanitizer
 #   make tsan      the queue, pipeline and shared-map tests under ThreadSanitizer (some minutes)
+#   make fuzz      every reader of foreign files under libFuzzer, SECONDS=60 each; installs clang
 #   make bench     the micro-benchmarks
 #   make docs      the site of docs/: out/site/index.html
 #   make format    clang-format over src/
@@ -16,7 +17,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := build
-.PHONY: setup build test demo sanitize tsan bench docs format clean
+.PHONY: setup build test demo sanitize tsan fuzz bench docs format clean
 
 CTEST := ctest --output-on-failure -j$(JOBS)
 # Debug for its assertions (Eigen's too), optimised so that the tests still end in minutes.
@@ -52,6 +53,9 @@ tsan: setup
 	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test airslam_relocalize_test
 	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue|ManyThreads'
 
+fuzz: setup
+	@FUZZ_SECONDS=$(or $(SECONDS),60) JOBS=$(JOBS) scripts/fuzz.sh
+
 bench: setup
 	@cmake -S . -B build-bench -G Ninja -DCMAKE_BUILD_TYPE=Release -DAIRSLAM_TESTS=OFF \
 	  -DAIRSLAM_BENCHMARKS=ON
@@ -66,4 +70,4 @@ format:
 	find src -name '*.h' -o -name '*.cc' | xargs clang-format -i
 
 clean:
-	@rm -rf build build-asan build-tsan build-bench
+	@rm -rf build build-asan build-tsan build-fuzz build-bench

@@ -3,6 +3,15 @@
 add_library(airslam_flags INTERFACE)
 target_include_directories(airslam_flags INTERFACE ${CMAKE_SOURCE_DIR}/src)
 target_compile_options(airslam_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Werror)
+if(AIRSLAM_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    message(FATAL_ERROR "AIRSLAM_FUZZ needs clang: -DCMAKE_CXX_COMPILER=clang++")
+  endif()
+  # Warnings are g++'s to judge. Coverage for libFuzzer, and what finds mistakes in memory.
+  target_compile_options(airslam_flags INTERFACE -Wno-error -g1 -fno-omit-frame-pointer
+                         -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
+  target_link_options(airslam_flags INTERFACE -fsanitize=address,undefined)
+endif()
 if(AIRSLAM_SANITIZE)
   target_compile_options(airslam_flags INTERFACE -fsanitize=${AIRSLAM_SANITIZE} -fno-omit-frame-pointer -g)
   # GCC takes instrumented std::optional for uninitialized; the plain build still warns.

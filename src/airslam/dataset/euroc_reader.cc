@@ -28,7 +28,7 @@ std::vector<ListedImage> ReadImageCsv(const fs::path& camera) {
   const fs::path csv = camera / "data.csv";
   std::vector<ListedImage> images;
   ForEachLine(csv, [&](int number, const Words& words) {
-    const auto time = words.empty() ? std::nullopt : ParseInteger(words[0]);
+    const auto time = words.empty() ? std::nullopt : ParseTimeNs(words[0]);
     if (words.size() < 2 || !time) {
       Fail("{}:{}: expected a time in nanoseconds and a file name", csv.string(), number);
     }
@@ -46,7 +46,7 @@ std::vector<ListedImage> ReadImageCsv(const fs::path& camera) {
 std::vector<ListedImage> ListImageFolder(const fs::path& camera) {
   std::vector<ListedImage> images;
   for (const fs::directory_entry& entry : fs::directory_iterator(camera / "data")) {
-    const auto time = ParseInteger(entry.path().stem().string());
+    const auto time = ParseTimeNs(entry.path().stem().string());
     if (time && entry.is_regular_file()) images.push_back({*time, entry.path()});
   }
   std::sort(images.begin(), images.end(), [](const ListedImage& a, const ListedImage& b) {
@@ -120,7 +120,7 @@ std::vector<RecordedFrame> PairByTime(const std::vector<ListedImage>& left,
 }
 
 ImuSample ParseImuLine(const fs::path& csv, int number, const Words& words) {
-  const auto time = ParseInteger(words[0]);
+  const auto time = ParseTimeNs(words[0]);
   if (words.size() < 7 || !time) {
     Fail("{}:{}: expected a time in nanoseconds and 6 numbers", csv.string(), number);
   }

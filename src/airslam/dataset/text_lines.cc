@@ -13,6 +13,7 @@ namespace airslam {
 namespace {
 
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+constexpr std::int64_t kMaxSeconds = 4'399'999'999;  // differences fit into 64 bits
 constexpr std::string_view kSeparators = ", \t\r";
 
 bool AllDigits(std::string_view text) {
@@ -63,6 +64,12 @@ std::optional<std::int64_t> ParseInteger(std::string_view word) {
   return value;
 }
 
+std::optional<std::int64_t> ParseTimeNs(std::string_view word) {
+  constexpr std::int64_t kLimit = 4'400'000'000'000'000'000;
+  const std::optional<std::int64_t> time = ParseInteger(word);
+  return time && *time > -kLimit && *time < kLimit ? time : std::nullopt;
+}
+
 std::optional<std::int64_t> ParseSecondsToNs(std::string_view word) {
   const bool negative = word.starts_with('-');
   const std::string_view digits = negative ? word.substr(1) : word;
@@ -76,12 +83,12 @@ std::optional<std::int64_t> ParseSecondsToNs(std::string_view word) {
     const bool round_up = fraction.size() > 9 && fraction[9] >= '5';
     nine.resize(9, '0');
     const std::int64_t seconds = *ParseInteger(whole);
-    if (seconds > 9'000'000'000) return std::nullopt;
+    if (seconds > kMaxSeconds) return std::nullopt;
     const std::int64_t ns = seconds * kNsPerSecond + *ParseInteger(nine) + (round_up ? 1 : 0);
     return negative ? -ns : ns;
   }
   const std::optional<double> seconds = ParseDouble(word);
-  if (!seconds || std::abs(*seconds) > 9e9) return std::nullopt;
+  if (!seconds || std::abs(*seconds) > kMaxSeconds) return std::nullopt;
   return std::llround(*seconds * 1e9);
 }
 

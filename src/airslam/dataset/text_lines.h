@@ -22,6 +22,10 @@ void ForEachLine(const std::filesystem::path& file,
 std::optional<double> ParseDouble(std::string_view word);
 std::optional<std::int64_t> ParseInteger(std::string_view word);
 
+// A time in whole nanoseconds; nothing when it lies 140 years or more from 0, so that differences
+// of two times always fit.
+std::optional<std::int64_t> ParseTimeNs(std::string_view word);
+
 // Seconds as decimal text to nanoseconds, exact for plain decimals ("1403715273.262142976") and
 // rounded for exponents ("1.037359e-01"). Nothing when it is not a number or does not fit.
 std::optional<std::int64_t> ParseSecondsToNs(std::string_view word);

@@ -46,5 +46,14 @@ TEST(ParseNumbers, TakeTheWholeWord) {
   EXPECT_FALSE(ParseDouble("inf"));
 }
 
+TEST(TextLines, TimesWhoseDifferencesDoNotFitAreNone) {
+  EXPECT_EQ(ParseTimeNs("1403715273262142976"), 1403715273262142976);
+  EXPECT_EQ(ParseTimeNs("-5"), -5);
+  EXPECT_EQ(ParseTimeNs("9223372036854775807"), std::nullopt);
+  EXPECT_EQ(ParseTimeNs("-9223372036854775808"), std::nullopt);
+  EXPECT_EQ(ParseSecondsToNs("4399999999.5"), 4'399'999'999'500'000'000);
+  EXPECT_EQ(ParseSecondsToNs("4400000000"), std::nullopt);
+}
+
 }  // namespace
 }  // namespace airslam

@@ -62,7 +62,7 @@ Rigid3 PoseOf(const Eigen::Vector3d& translation, const Eigen::Quaterniond& rota
 
 StampedPose ParseEuroc(const Words& words, const Line& line) {
   if (words.size() < 8) line.Fail("expected a time, a position and a quaternion");
-  const std::optional<std::int64_t> time = ParseInteger(words[0]);
+  const std::optional<std::int64_t> time = ParseTimeNs(words[0]);
   if (!time) line.Fail("\"{}\" is not a time in whole nanoseconds", words[0]);
   const std::vector<double> n = Numbers(words, 1, 7, line);
   return {*time, PoseOf({n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}, line)};
@@ -72,7 +72,7 @@ StampedPose ParseTum(const Words& words, const Line& line) {
   if (words.size() != 8)
     line.Fail("expected 8 numbers (t x y z qx qy qz qw), got {}", words.size());
   std::optional<std::int64_t> time = ParseSecondsToNs(words[0]);
-  if (!time) time = ParseInteger(words[0].substr(0, words[0].find('.')));  // nanoseconds
+  if (!time) time = ParseTimeNs(words[0].substr(0, words[0].find('.')));  // nanoseconds
   if (!time) line.Fail("\"{}\" is not a time in seconds", words[0]);
   const std::vector<double> n = Numbers(words, 1, 7, line);
   return {*time, PoseOf({n[0], n[1], n[2]}, {n[6], n[3], n[4], n[5]}, line)};

@@ -52,9 +52,15 @@ DistortedCamera ParseCamera(const YamlFields& fields, const std::string& coeffic
     Fail("{}: camera_model \"{}\" is not supported, expected pinhole", fields.where(),
          fields.Text("camera_model"));
   }
+  constexpr double kMaxSide = 65'535;  // pixels
   DistortedCamera camera;
   const std::vector<double> intrinsics = fields.Numbers("intrinsics", 4);
   const std::vector<double> resolution = fields.Numbers("resolution", 2);
+  for (const double side : resolution) {
+    if (!(side >= 1 && side <= kMaxSide)) {
+      Fail("{}: the resolution must be two numbers from 1 to {:.0f}", fields.where(), kMaxSide);
+    }
+  }
   camera.pinhole = {intrinsics[0],
                     intrinsics[1],
                     intrinsics[2],
@@ -63,9 +69,6 @@ DistortedCamera ParseCamera(const YamlFields& fields, const std::string& coeffic
                     static_cast<int>(resolution[1])};
   if (camera.pinhole.fx <= 0 || camera.pinhole.fy <= 0) {
     Fail("{}: the focal lengths in intrinsics must be positive", fields.where());
-  }
-  if (camera.pinhole.width <= 0 || camera.pinhole.height <= 0) {
-    Fail("{}: the resolution must be positive", fields.where());
   }
   camera.model = ParseDistortionModel(fields);
   camera.coefficients = ParseCoefficients(fields, coefficients_field, camera.model);
@@ -186,8 +189,11 @@ StereoRig ReadKittiRig(const fs::path& calib_txt, int width, int height) {
   }
   const double baseline = (p0[3] - p1[3]) / p0[0];
   if (baseline <= 0) {
-    Fail("{}: P1 puts the right camera left of the left one (baseline {:.3f} m)",
-         calib_txt.string(), baseline);
+    Fail(
+        "{}: swapped cameras or an inverted extrinsic: P1 puts the right camera left of the left "
+        "one "
+        "(baseline {:.3f} m)",
+        calib_txt.string(), baseline);
   }
   StereoRig rig;
   rig.left.camera.pinhole = {p0[0], p0[5], p0[2], p0[6], width, height};

@@ -135,7 +135,7 @@ TEST(ReadEurocRig, NamesFileAndFieldOfAnError) {
       {"457.296, ", "", "intrinsics must hold 4 numbers, but holds 3"},
       {"457.296", "abc", "intrinsics holds something that is not a number"},
       {"458.654", "-458", "focal lengths in intrinsics must be positive"},
-      {"752", "0", "resolution must be positive"},
+      {"752", "0", "resolution must be two numbers from 1 to 65535"},
       {"pinhole", "omni", "camera_model \"omni\" is not supported"},
       {"radial-tangential", "fov", "distortion_model \"fov\" is unknown"},
       {"0.0002, ", "", "distortion_coefficients must hold 4 numbers, but holds 3"},
