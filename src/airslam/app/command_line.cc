@@ -57,6 +57,10 @@ int RunCommandLine(int argc, char** argv) {
     std::fprintf(stderr, "airslam: %s\n", error.what());
     return 1;
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    std::fprintf(stderr, "airslam: the standard output cannot be written\n");
+    return 1;
+  }
   return 0;
 }
 

@@ -53,6 +53,7 @@ class Program {
  public:
   struct Limits {
     rlim_t file_bytes = RLIM_INFINITY;  // beyond this, writing to a file fails
+    std::string standard_output = "";   // a file for it, in place of one that is read back
   };
 
   // Starts it in the folder `where`, which also takes its output.
@@ -94,8 +95,8 @@ class Program {
     int status = 0;
     if (waitpid(child_, &status, 0) != child_) throw std::runtime_error("cannot wait");
     child_ = -1;
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), ReadText(out_),
-            ReadText(err_)};
+    const int code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    return {code, std::filesystem::exists(out_) ? ReadText(out_) : "", ReadText(err_)};
   }
 
  private:
@@ -109,9 +110,12 @@ class Program {
   [[noreturn]] void Execute(const std::filesystem::path& where, const std::vector<char*>& argv,
                             const std::vector<char*>& envp, const Limits& limits) const {
     constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC;
-    const bool ready = chdir(where.c_str()) == 0 &&
-                       dup2(open(out_.c_str(), kFlags, 0600), STDOUT_FILENO) >= 0 &&
-                       dup2(open(err_.c_str(), kFlags, 0600), STDERR_FILENO) >= 0;
+    const bool ready =
+        chdir(where.c_str()) == 0 &&
+        dup2(open(limits.standard_output.empty() ? out_.c_str() : limits.standard_output.c_str(),
+                  kFlags, 0600),
+             STDOUT_FILENO) >= 0 &&
+        dup2(open(err_.c_str(), kFlags, 0600), STDERR_FILENO) >= 0;
     if (limits.file_bytes != RLIM_INFINITY) {
       signal(SIGXFSZ, SIG_IGN);  // writing then fails, as on a full disk
       const rlimit limit = {limits.file_bytes, limits.file_bytes};
