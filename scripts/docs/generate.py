@@ -59,7 +59,8 @@ def commands_page(airslam: Path) -> str:
     text = """# Commands
 
 What `--help` prints, for every command; a test holds this page to the program. The exit code is 0 on
-success, 1 when a command failed (one sentence on the standard error stream says why), 2 on wrong usage.
+success, 1 when a command failed (one sentence on the standard error stream says why), 2 on wrong usage,
+128 + the signal when SIGTERM or Ctrl-C ended `map` in order.
 Files that `--config` reads are described in [options](options.md).
 
 ```

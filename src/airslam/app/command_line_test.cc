@@ -13,6 +13,7 @@
 
 #include "airslam/app/test_dataset.h"
 #include "airslam/common/options.h"
+#include "airslam/common/sha256.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/evaluate/trajectory_error.h"
 #include "airslam/map/map_file.h"
@@ -58,9 +59,27 @@ void ExpectArgumentComplaint(const TemporaryFolder& folder, std::vector<std::str
 TEST(Doctor, FindsThisMachineInOrder) {
   const TemporaryFolder folder;
   const ProgramResult run = RunProgram(folder.path(), {"doctor"});
-  for (const char* part : {"solver", "models", "inference"}) {
+  for (const char* part : {"solver", "map file", "models", "inference", "matcher"}) {
     EXPECT_THAT(Lines(run.out), Contains(AllOf(StartsWith("ok"), HasSubstr(part)))) << run.out;
   }
+  for (const char* part : {"OpenVINO 20", "OpenCV 4", "Ceres 2", "Eigen 3", "SQLite 3"}) {
+    EXPECT_THAT(Lines(run.out).front(), HasSubstr(part));
+  }
+  // Every file of the pack with its hash.
+  const std::string pack = AIRSLAM_SOURCE_DIR "/models/airslam-fast";
+  for (const auto& entry : fs::directory_iterator(pack)) {
+    if (entry.path().extension() != ".onnx") continue;
+    EXPECT_THAT(run.out,
+                HasSubstr(FileSha256(entry.path()) + ' ' + entry.path().filename().string()));
+  }
+}
+
+TEST(Doctor, SaysWhatToDoWhereFilesCannotBeMade) {
+  const TemporaryFolder folder;
+  const ProgramResult run =
+      RunProgram(folder.path(), {"doctor"}, {.temporary_files = "/proc/nowhere"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(Lines(run.out), Contains(AllOf(StartsWith("WRONG  map file"), HasSubstr("TMPDIR"))));
 }
 
 TEST(Doctor, SaysWhatIsWrong) {

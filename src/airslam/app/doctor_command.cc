@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <ceres/version.h>
+#include <sqlite3.h>
+#include <stdlib.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -18,10 +21,12 @@
 #include "airslam/app/commands.h"
 #include "airslam/common/error.h"
 #include "airslam/geometry/so3.h"
+#include "airslam/map/map_file.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/nearest_matcher.h"
 #include "airslam/neural/openvino_network.h"
 #include "airslam/neural/plnet.h"
+#include "airslam/neural/transformer_matcher.h"
 #include "airslam/optimize/pose_optimization.h"
 
 namespace airslam {
@@ -69,9 +74,69 @@ std::string CheckCpu() {
 
 std::string CheckPack(const ModelPack& pack) {
   return fmt::format(
-      "{} in {}, every file as its SHA-256 says; networks {:.12}, lines {}, matcher {}", pack.name,
-      pack.folder, pack.features.network.sha256, pack.features.lines ? "yes" : "no",
-      pack.matcher ? "yes" : "no");
+      "{} in {}, every file as its SHA-256 says; lines {}, matcher {}, vocabulary {}", pack.name,
+      pack.folder, pack.features.lines ? "yes" : "no", pack.matcher ? "yes" : "no",
+      pack.vocabulary ? "yes" : "no");
+}
+
+// The SHA-256 of each file of the pack.
+void PrintHashes(const ModelPack& pack) {
+  std::vector<const PackFile*> files = {&pack.features.network};
+  if (pack.features.lines) {
+    files.push_back(&pack.features.lines->network);
+    files.push_back(&pack.features.lines->classifier);
+  }
+  if (pack.matcher) {
+    for (const PackFile& stage : pack.matcher->stages) files.push_back(&stage);
+  }
+  if (pack.vocabulary) files.push_back(&*pack.vocabulary);
+  std::printf("       %-10s %s manifest.json\n", "hashes", pack.sha256.c_str());
+  for (const PackFile* file : files) {
+    std::printf("       %-10s %s %s\n", "", file->sha256.c_str(),
+                std::filesystem::path(file->path).filename().c_str());
+  }
+}
+
+// The matcher network finds that points are themselves.
+std::string CheckMatcher(const ModelPack& pack) {
+  PlNet detector(pack.features);
+  TransformerMatcher matcher(*pack.matcher, pack.features.descriptor_size);
+  const cv::Mat picture = TestPicture();
+  const Detections seen = detector.Detect(picture, {}, 200);
+  const MatcherInput input{seen.keypoints, seen.descriptors, picture.size()};
+  const std::vector<Match> matches = matcher.Match(input, input);
+  const auto right = std::count_if(matches.begin(), matches.end(),
+                                   [](const Match& m) { return m.index0 == m.index1; });
+  if (10 * right < 9 * static_cast<std::ptrdiff_t>(seen.keypoints.size())) {
+    Fail("only {} of {} points are matched with themselves: the pack does not work on this CPU",
+         right, seen.keypoints.size());
+  }
+  return fmt::format("{} of {} points matched with themselves", right, seen.keypoints.size());
+}
+
+// A map is written, read back and removed.
+std::string CheckMapFile() {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path place = fs::temp_directory_path(error);
+  std::string name = (place / "airslam_doctor_XXXXXX").string();
+  if (error || mkdtemp(name.data()) == nullptr) {
+    Fail("no temporary folder can be made: set TMPDIR to a folder that can be written");
+  }
+  const std::unique_ptr<std::string, void (*)(std::string*)> folder(&name, [](std::string* path) {
+    std::error_code ignored;
+    fs::remove_all(*path, ignored);
+  });
+  const fs::path file = fs::path(name) / "map.db";
+  MapCalibration calibration;
+  calibration.stereo = {{450, 450, 376, 240, 752, 480}, 0.11};
+  MapWriter(file, calibration, "doctor", "none").Close();
+  if (ReadMap(file).calibration.stereo.baseline != 0.11) {
+    Fail(
+        "a map reads back otherwise than it was written: SQLite of this machine is broken; "
+        "reinstall libsqlite3-0");
+  }
+  return fmt::format("written and read back in {}, format {}", place.string(), kMapFormatVersion);
 }
 
 std::string CheckCache() {
@@ -163,18 +228,24 @@ bool Report(const char* name, const std::function<std::string()>& check) {
 }
 
 void RunDoctor(const std::string& model) {
-  std::printf("       %-10s airslam %s, OpenVINO %s, OpenCV %s, Ceres %s, Eigen %d.%d.%d\n",
-              "versions", kVersion, OpenVinoVersion().c_str(), CV_VERSION, CERES_VERSION_STRING,
-              EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION);
+  std::printf(
+      "       %-10s airslam %s, OpenVINO %s, OpenCV %s, Ceres %s, Eigen %d.%d.%d, "
+      "SQLite %s, compiler %s\n",
+      "versions", kVersion, OpenVinoVersion().c_str(), CV_VERSION, CERES_VERSION_STRING,
+      EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION, sqlite3_libversion(),
+      __VERSION__);
   bool well = Report("cpu", CheckCpu);
   well &= Report("cache", CheckCache);
   well &= Report("solver", CheckSolver);
+  well &= Report("map file", CheckMapFile);
   ModelPack pack;
   const bool has_pack = Report("models", [&] {
     pack = LoadModelPack(model);
     return CheckPack(pack);
   });
+  if (has_pack) PrintHashes(pack);
   well &= has_pack && Report("inference", [&] { return CheckInference(pack); });
+  if (has_pack && pack.matcher) well &= Report("matcher", [&] { return CheckMatcher(pack); });
   if (!well) Fail("doctor: something is wrong, see the lines above");
 }
 

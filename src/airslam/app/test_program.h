@@ -54,6 +54,7 @@ class Program {
   struct Limits {
     rlim_t file_bytes = RLIM_INFINITY;  // beyond this, writing to a file fails
     std::string standard_output = "";   // a file for it, in place of one that is read back
+    std::string temporary_files = "";   // TMPDIR
   };
 
   // Starts it in the folder `where`, which also takes its output.
@@ -67,6 +68,9 @@ class Program {
       if (const char* value = std::getenv(name)) {
         environment.push_back(std::string(name) + '=' + value);
       }
+    }
+    if (!limits.temporary_files.empty()) {
+      environment.push_back("TMPDIR=" + limits.temporary_files);
     }
     const std::vector<char*> argv = Pointers(words), envp = Pointers(environment);
     child_ = fork();
