@@ -11,8 +11,8 @@
 
 namespace airslam {
 
-// Reads a file with these bytes. Whatever they are, the reader must return or throw Error with one
-// line of text; any other exception leaves this function.
+// Reads a file with these bytes. Whatever they are, the reader must return or throw Error with a
+// text; any other exception leaves this function.
 using FuzzFunction = void (*)(std::span<const std::uint8_t> bytes);
 
 struct FuzzTarget {

@@ -14,6 +14,15 @@
 namespace airslam {
 namespace {
 
+// What a damaged file holds may stand in a sentence about it: line breaks and other control
+// characters become blanks.
+std::string OneLine(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  }
+  return text;
+}
+
 // One sentence, and where to read on.
 std::string DescribeWrongUsage(const CLI::App* app, const CLI::Error& error) {
   const std::vector<CLI::App*> commands = app->get_subcommands();
@@ -51,10 +60,10 @@ int RunCommandLine(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const Stopped& stopped) {
-    std::fprintf(stderr, "airslam: %s\n", stopped.what());
+    std::fprintf(stderr, "airslam: %s\n", OneLine(stopped.what()).c_str());
     return stopped.exit_code();
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "airslam: %s\n", error.what());
+    std::fprintf(stderr, "airslam: %s\n", OneLine(error.what()).c_str());
     return 1;
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {

@@ -192,6 +192,13 @@ TEST(CommandLine, SaysWhatIsWrongWithAConfiguration) {
   ExpectArgumentComplaint(folder, {"--config", "nowhere.yaml"}, "nowhere.yaml");
 }
 
+// A bad escape in quotes goes on to the next line: the sentence about it does not.
+TEST(CommandLine, WhatAFileHoldsBreaksNoSentence) {
+  const TemporaryFolder folder;
+  folder.Write("options.yaml", "\"a\\nb\": 3\n");
+  ExpectArgumentComplaint(folder, {"--config", "options.yaml"}, "unknown option 'a b'");
+}
+
 TEST(CommandLine, SaysWhatIsWrongWithAModelPack) {
   const TemporaryFolder folder;
   ExpectArgumentComplaint(folder, {"--model", "no-such-pack"}, "no model pack 'no-such-pack'");

@@ -16,7 +16,7 @@ namespace {
 constexpr std::int64_t kStart = 1'000'000'000;
 
 SyntheticTrajectory Motion(const StereoRig& rig) {
-  return SyntheticTrajectory::Loop(12).Mount(HeadingFromBody(rig), kStart);
+  return SyntheticTrajectory::ForthAndBack(8).Mount(HeadingFromBody(rig), kStart);
 }
 
 std::vector<ImuSample> Readings(const StereoRig& rig) {
@@ -32,7 +32,7 @@ std::vector<VisualTurn> Turns(const StereoRig& rig, double noise) {
   std::normal_distribution<double> normal(0, noise);
   std::vector<VisualTurn> turns;
   for (int i = 0; i < 30; ++i) {
-    const std::int64_t from = kStart + 1'000'000'000 + i * 330'000'000, to = from + 300'000'000;
+    const std::int64_t from = kStart + 1'000'000'000 + i * 330'000'000LL, to = from + 300'000'000;
     const auto camera = [&](std::int64_t time) {
       return Motion(rig).At(time).world_from_body * rig.left.body_from_cam;
     };

@@ -58,7 +58,9 @@ TEST(FitRig, OnlyEvaluatesWithNothingFree) {
   const StereoRig rig = EurocLikeRig();
   const RigFit fit = FitRig(rig, ToRays(rig, MakeMatches(rig, 500, 0.2, 0.05)), {});
   EXPECT_EQ(fit.size(), 500);
-  EXPECT_NEAR(fit.noise, 0.2 * std::sqrt(2.0), 0.05);
+  // Of two images; undistorting stretches the border.
+  EXPECT_GT(fit.noise, 0.2 * std::sqrt(2.0));
+  EXPECT_LT(fit.noise, 0.4);
   EXPECT_NEAR(fit.Cost(fit.noise), 1.3, 0.3);
   EXPECT_LT(fit.BehindShare(fit.noise), 0.02);
 }
