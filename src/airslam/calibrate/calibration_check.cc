@@ -65,6 +65,9 @@ std::string RightSentence(const CalibrationReport& report) {
     sentence += fmt::format(", the IMU's clock with the images' within {:.1f} ms",
                             1e3 * std::abs(report.imu.time_offset));
   }
+  if (report.has_imu && !report.imu.unknown.empty()) {
+    sentence += ", but the IMU was not compared: " + report.imu.unknown;
+  }
   return sentence;
 }
 

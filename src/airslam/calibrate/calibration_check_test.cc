@@ -182,6 +182,7 @@ TEST(CheckCalibration, RestTellsNothingOfTheImu) {
   const CalibrationReport report = Check(frames);
   EXPECT_TRUE(report.right) << report.sentence;
   EXPECT_THAT(report.imu.unknown, HasSubstr("turns too little"));
+  EXPECT_THAT(report.sentence, HasSubstr("but the IMU was not compared: "));
 }
 
 TEST(CheckCalibration, ReportsAsTextAndJson) {
