@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import records
+from ablation import mean_ratio
 
 REPOSITORY = records.REPOSITORY
 PAGE = REPOSITORY / "docs/benchmarks.md"
@@ -130,7 +131,7 @@ def share(odometry: Odometry, mode: str, sequence: str) -> str:
     return f"{100 * size / images:.1f} %" if size and images else "–"
 
 
-def lines_section(odometry: Odometry) -> str:
+def lines_section(odometry: Odometry, ablation: dict | None) -> str:
     rows = []
     for sequence, name in SEQUENCES.items():
         cells = []
@@ -142,10 +143,25 @@ def lines_section(odometry: Odometry) -> str:
                          f"({100 * (with_lines / without - 1):+.0f} %)")
         rows.append([name, *cells])
     low, high = PEERS["paper"]["line_improvement"]
-    return "\n".join(["## What lines give", "", "ATE without and with lines, from the runs above.",
-                      "", table(["sequence", "stereo", "with the IMU"], rows),
-                      f"The paper reports {-100 * low:.0f} to {-100 * high:.0f} % on its data "
-                      "sets.", ""])
+    text = ["## What lines give", "", "ATE without and with lines, from the runs above.", "",
+            table(["sequence", "stereo", "with the IMU"], rows),
+            f"The paper reports {-100 * low:.0f} to {-100 * high:.0f} % on its data sets.", ""]
+    if ablation:
+        text += ["One run says little. Pairs of runs at several numbers of keypoints, and the mean of "
+                 "ATE with lines / without:", "", provenance(ablation), ablation_table(ablation)]
+    return "\n".join(text)
+
+
+def ablation_table(ablation: dict) -> str:
+    rows = []
+    for sequence, modes in ablation["results"].items():
+        for mode, pairs in modes.items():
+            cells = [f"{p['keypoints']}: {1000 * p['points']:.1f} → {1000 * p['lines']:.1f}"
+                     + ("" if p["points_poses"] == p["lines_poses"] else
+                        f" ({p['points_poses']} → {p['lines_poses']} frames)") for p in pairs]
+            rows.append([SEQUENCES.get(sequence, sequence), mode.replace("imu", "with the IMU"),
+                         number(mean_ratio(pairs), 2), ", ".join(cells)])
+    return table(["sequence", "mode", "mean ratio", "keypoints: ATE without → with lines [mm]"], rows)
 
 
 def inertial_section(record: dict, others: dict | None) -> str:
@@ -312,7 +328,7 @@ def page(folder: Path = records.RESULTS) -> str:
     odometry = Odometry(folder)
     relocalization = records.read("relocalization", folder)
     parts = [HEAD, standing(odometry, relocalization), odometry_section(odometry),
-             lines_section(odometry)]
+             lines_section(odometry, records.read("ablation", folder))]
     inertial = records.read("inertial", folder)
     if inertial:
         parts.append(inertial_section(inertial, records.read("inertial_euroc", folder)))

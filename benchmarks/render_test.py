@@ -50,6 +50,17 @@ class Render(unittest.TestCase):
         page = self.page(odometry_imu_lines=[run(0.0046, imu="inconsistent")])
         self.assertNotIn("0.0046", page)
 
+    def test_mean_ratio_counts_pairs_that_track_the_same_frames(self):
+        pairs = [{"keypoints": 400, "points": 0.004, "lines": 0.002, "points_poses": 300,
+                  "lines_poses": 300},
+                 {"keypoints": 300, "points": 0.004, "lines": 0.008, "points_poses": 300,
+                  "lines_poses": 300},
+                 {"keypoints": 200, "points": 0.001, "lines": 0.009, "points_poses": 72,
+                  "lines_poses": 99}]
+        text = render.ablation_table({"results": {"warehouse_day": {"stereo": pairs}}})
+        self.assertIn("| warehouse, day | stereo | 1.00 |", text)
+        self.assertIn("200: 1.0 → 9.0 (72 → 99 frames)", text)
+
     def test_uncommitted_changes_are_named(self):
         self.assertIn("with uncommitted changes",
                       render.provenance({**ABOUT, "changed": True, "configuration": "", "protocol": ""}))

@@ -4,7 +4,7 @@
 
     .venv/bin/python benchmarks/run_all.py --root ../shared/data [--only odometry inertial ...]
 
-Takes about ten minutes on two idle cores. A record that is not run again stays as it is: each says
+Takes about a quarter of an hour on two idle cores. A record that is not run again stays as it is: each says
 for itself on which commit, machine and date it was made.
 """
 
@@ -48,6 +48,8 @@ def commands(root: Path, out: Path, airslam: Path, minutes: float) -> dict[str, 
                              "--blackout-at", 12),
                      program("inertial.py", "inertial_euroc", "--airslam", airslam,
                              root / "euroc_v101_start", euroc)],
+        "ablation": [program("ablation.py", "ablation", "--root", root, "--airslam", airslam, "--out",
+                             out / "ablation")],
         "light": [program("lines.py", "light", "--airslam", airslam, day, dynamic)],
         "refine": [program("refine.py", "refine", "--airslam", airslam, "--out", out / "refine",
                            day, dynamic, kitti, euroc)],
@@ -75,7 +77,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--root", type=Path, default=REPOSITORY / "../shared/data",
                         help="folder of the sequences")
-    parser.add_argument("--only", nargs="+", help="odometry inertial light refine relocalization "
+    parser.add_argument("--only", nargs="+", help="odometry inertial ablation light refine relocalization "
                                                   "growth refine_growth; all if not given")
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/benchmarks",
