@@ -3,7 +3,8 @@
 
     python -m airslam_training.draw [curves] [matches] [scene] [lines]
 
-Curves and the scene (patterns only) go to training/results, lines in rooms without photos to docs/images. Matches and
+Curves and the scene (patterns only) go to training/results, lines in rooms without photos and in
+the warehouse to docs/images. Matches and
 lines on photos stay in the cache: the photos' licences are mixed, they are not to be committed.
 """
 from __future__ import annotations
@@ -26,8 +27,11 @@ from .evaluate import RESULTS, THRESHOLD, light_pairs
 from .evaluate_lines import ours
 from .geometry import warp_points
 from .methods import methods
+from .teacher import SHARED
 
 PICTURES = CACHE / "pictures"
+# Frames of both warehouse sequences, whose lamps are almost out, dim or dazzling in the second.
+WAREHOUSE = (70, 75, 142, 150, 225)
 
 
 def read(path) -> dict[str, np.ndarray]:
@@ -143,6 +147,12 @@ def lines(photos: int = 15) -> None:
         _, views = procedural.make_views(seed, [], 1)
         rows.append(np.hstack([tile(i, (384, 288)) for i in views[0].images]))
     cv2.imwrite(str(RESULTS.parents[1] / "docs/images/lines_rooms.jpg"), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    rows = []
+    for light in ("day", "dynamic"):
+        files = sorted((SHARED / f"data/warehouse_{light}/mav0/cam0/data").iterdir())
+        images = [cv2.imread(str(files[k]), cv2.IMREAD_GRAYSCALE) for k in WAREHOUSE]
+        rows.append(np.hstack([tile(i, (376, 240)) for i in images]))
+    cv2.imwrite(str(RESULTS.parents[1] / "docs/images/lines_warehouse.jpg"), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 85])
     g = torch.Generator().manual_seed(5)
     rows = []
     for file in photo_split()[1][:photos]:

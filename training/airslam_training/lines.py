@@ -92,10 +92,10 @@ class DecoderOptions:
 
     confidence: float = 0.3  # a cell below it proposes nothing
     junction: float = 0.02  # heat below it is no junction
-    junctions: int = 256
+    junctions: int = 512
     snap: float = 24.0  # pixels: the farthest junction that an end snaps to
     support: float = 0.75  # two junctions are a proposal, too, when so much of the way between them agrees
-    proposals: int = 1280
+    proposals: int = 4096
     double: float = 12.0  # pixels: a line whose ends lie so near to those of a surer one is left out
 
 

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
@@ -117,7 +118,8 @@ void RunDetect(const DetectArguments& arguments) {
   std::size_t keypoints = 0, lines = 0;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (i > 0) image = ReadGreyPicture(files[i].string());
-    const DetectionRequest request(arguments.max_keypoints, true, 0.0F);
+    DetectionRequest request(arguments.max_keypoints, true, 0.0F);
+    request.max_junctions = request.max_line_proposals = std::numeric_limits<int>::max();
     const Detections found = plnet.Detect(image, cv::Mat(), request);
     const std::string name = files[i].stem().string();
     WriteTable(out / (name + ".keypoints.csv"), KeypointTable(found.keypoints));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <utility>
 
 #include "airslam/common/error.h"
@@ -14,6 +15,9 @@ namespace {
 
 // A stereo pair needs one size, a folder of pictures perhaps a few.
 constexpr std::size_t kMaxInstances = 4;
+
+// Proposals that the classifier judges in one run.
+constexpr std::size_t kClassifierRows = 256;
 
 // Standard deviations below this are the noise of a dark image, not contrast to be stretched.
 constexpr double kMinDeviation = 2.0;
@@ -171,8 +175,7 @@ void PlNet::LoadLineModule(const Network& network, std::int64_t height, std::int
   network.RequireOutput(lines.junctions, {1, 3, h, w});
   network.RequireOutput(lines.pooled, {1, h, w, lines.channels});
   if (classifier_) return;
-  const TensorShape shape = {lines.decoder.max_proposals,
-                             lines.samples * lines.channels + kLineExtras};
+  const TensorShape shape = {kClassifierRows, lines.samples * lines.channels + kLineExtras};
   classifier_ = loader_(lines.classifier.path, {{lines.classifier_input, shape}});
   classifier_->RequireOutput(lines.classifier_output, {shape[0]});
   classifier_input_.assign(static_cast<std::size_t>(ElementCount(shape)), 0.0F);
@@ -182,44 +185,52 @@ void PlNet::Prepare(cv::Size image_size, bool lines) {
   InstanceFor(image_size, lines && finds_lines());
 }
 
-// The probability of each proposal. Rows beyond the proposals keep what they held: no row of the
-// classifier looks at another.
+// The probability of each proposal. Rows of the last run beyond the proposals keep what they held:
+// no row of the classifier looks at another.
 std::vector<float> PlNet::Classify(const Network& network, std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals) {
   const LineNetworkSpec& lines = *spec_.lines;
   const TensorView pooled = network.Output(lines.pooled);
   const auto height = static_cast<int>(pooled.shape[1]), width = static_cast<int>(pooled.shape[2]);
-  float* row = classifier_input_.data();
-  for (const LineProposal& proposal : proposals) {
-    PoolAlongLine(pooled.data, width, height, lines.channels, lines.decoder.stride,
-                  junctions[static_cast<std::size_t>(proposal.start)],
-                  junctions[static_cast<std::size_t>(proposal.end)], lines.samples, row);
-    row = std::copy(proposal.extras.begin(), proposal.extras.end(),
-                    row + static_cast<std::ptrdiff_t>(lines.samples) * lines.channels);
-  }
-  const TensorShape shape = {lines.decoder.max_proposals,
-                             lines.samples * lines.channels + kLineExtras};
+  const TensorShape shape = {kClassifierRows, lines.samples * lines.channels + kLineExtras};
   const NamedTensor input{lines.classifier_input, {classifier_input_.data(), shape}};
-  classifier_->Run({&input, 1});
-  const float* logits = classifier_->Output(lines.classifier_output).data;
-  std::vector<float> probabilities(proposals.size());
-  std::transform(logits, logits + proposals.size(), probabilities.begin(),
-                 [](float logit) { return 1 / (1 + std::exp(-logit)); });
+  std::vector<float> probabilities;
+  probabilities.reserve(proposals.size());
+  while (probabilities.size() < proposals.size()) {
+    const auto part = proposals.subspan(
+        probabilities.size(), std::min(kClassifierRows, proposals.size() - probabilities.size()));
+    float* row = classifier_input_.data();
+    for (const LineProposal& proposal : part) {
+      PoolAlongLine(pooled.data, width, height, lines.channels, lines.decoder.stride,
+                    junctions[static_cast<std::size_t>(proposal.start)],
+                    junctions[static_cast<std::size_t>(proposal.end)], lines.samples, row);
+      row = std::copy(proposal.extras.begin(), proposal.extras.end(),
+                      row + static_cast<std::ptrdiff_t>(lines.samples) * lines.channels);
+    }
+    classifier_->Run({&input, 1});
+    const float* logits = classifier_->Output(lines.classifier_output).data;
+    std::transform(logits, logits + part.size(), std::back_inserter(probabilities),
+                   [](float logit) { return 1 / (1 + std::exp(-logit)); });
+  }
   return probabilities;
 }
 
 void PlNet::DetectLines(const Network& network, const cv::Mat& image, const cv::Mat& mask,
-                        float min_score, Detections& detections) {
+                        const DetectionRequest& request, Detections& detections) {
   const LineNetworkSpec& lines = *spec_.lines;
+  LineDecoderOptions decoder = lines.decoder;
+  decoder.max_junctions = std::min(decoder.max_junctions, request.max_junctions);
+  decoder.max_proposals = std::min(decoder.max_proposals, request.max_line_proposals);
+  decoder.Validate();
   const TensorView field = network.Output(lines.field);
   const LineMaps maps{field.data, network.Output(lines.junctions).data,
                       static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
-  const std::vector<Keypoint> junctions = FindJunctions(maps, image.size(), mask, lines.decoder);
-  const std::vector<LineProposal> proposals = ProposeLines(maps, junctions, mask, lines.decoder);
+  const std::vector<Keypoint> junctions = FindJunctions(maps, image.size(), mask, decoder);
+  const std::vector<LineProposal> proposals = ProposeLines(maps, junctions, mask, decoder);
   const std::vector<float> scores =
       SuppressDoubles(junctions, proposals, Classify(network, junctions, proposals),
-                      lines.decoder.double_radius, min_score);
-  KeepLines(junctions, proposals, scores, min_score, detections);
+                      decoder.double_radius, request.min_line_score);
+  KeepLines(junctions, proposals, scores, request.min_line_score, detections);
   detections.junction_descriptors =
       SampleDescriptors(network.Output(spec_.descriptors), detections.junctions,
                         spec_.descriptor_stride, spec_.half_pixel);
@@ -248,7 +259,7 @@ Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask,
   detections.descriptors =
       SampleDescriptors(instance.network->Output(spec_.descriptors), detections.keypoints,
                         spec_.descriptor_stride, spec_.half_pixel);
-  if (lines) DetectLines(*instance.network, image, mask, request.min_line_score, detections);
+  if (lines) DetectLines(*instance.network, image, mask, request, detections);
   return detections;
 }
 

@@ -61,7 +61,7 @@ class PlNet : public FeatureDetector {
   Instance& InstanceFor(cv::Size image_size, bool lines);
   void LoadLineModule(const Network& network, std::int64_t height, std::int64_t width);
   void DetectLines(const Network& network, const cv::Mat& image, const cv::Mat& mask,
-                   float min_score, Detections& detections);
+                   const DetectionRequest& request, Detections& detections);
   std::vector<float> Classify(const Network& network, std::span<const Keypoint> junctions,
                               std::span<const LineProposal> proposals);
 

@@ -180,6 +180,28 @@ TEST(PlNet, FindsLinesInTheSamePass) {
   EXPECT_TRUE(plnet.Detect(image, cv::Mat(), {10, true, 0.99F}).lines.empty());
 }
 
+// Many lines of one length below each other, more than the classifier judges at once.
+TEST(PlNet, JudgesAsManyProposalsAsAreAskedFor) {
+  constexpr int kLines = 300;
+  cv::Mat image;
+  for (int i = 0; i < kLines; ++i) image.push_back(DrawnLine({16, 12}, 5, 4, 8));
+  FeatureNetworkSpec spec = Spec();
+  spec.lines->decoder.max_junctions = spec.lines->decoder.max_proposals = 4 * kLines;
+  PlNet plnet(spec, ExactLoader());
+  DetectionRequest request(0, true, 0.5F);
+  request.max_junctions = request.max_line_proposals = 4 * kLines;
+  const Detections all = plnet.Detect(image, cv::Mat(), request);
+  ASSERT_EQ(all.lines.size(), std::size_t{kLines});
+  for (const LineSegment& line : all.lines) EXPECT_NEAR(line.score, all.lines[0].score, 1e-5);
+  request.max_line_proposals = 7;
+  EXPECT_EQ(plnet.Detect(image, cv::Mat(), request).lines.size(), 7U);
+  request.max_line_proposals = 4 * kLines;
+  request.max_junctions = 2;
+  EXPECT_LE(plnet.Detect(image, cv::Mat(), request).lines.size(), 1U);
+  request.max_junctions = 1;
+  EXPECT_THROW(plnet.Detect(image, cv::Mat(), request), Error);
+}
+
 TEST(PlNet, LinesKeepOutOfTheMask) {
   PlNet plnet(Spec(), ExactLoader());
   const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
