@@ -1,7 +1,8 @@
 # `cmake --install build --prefix <where>`: the program in bin/, OpenVINO's libraries in lib/airslam/,
 # the model packs in share/airslam/models/. The program finds both from its own place.
-set(ov_libs ${CMAKE_SOURCE_DIR}/third_party/ov/openvino/libs)
-set_target_properties(airslam PROPERTIES INSTALL_RPATH "$ORIGIN/../lib/airslam")
+set(ov_libs ${AIRSLAM_OPENVINO}/libs)
+# The second place is OpenVINO's wheel, seen from airslam/bin/ of the Python package.
+set_target_properties(airslam PROPERTIES INSTALL_RPATH "$ORIGIN/../lib/airslam:$ORIGIN/../../openvino/libs")
 install(TARGETS airslam RUNTIME DESTINATION bin)
 install(DIRECTORY ${ov_libs}/ DESTINATION lib/airslam
         FILES_MATCHING

@@ -10,6 +10,7 @@
 
 #include "airslam/app/commands.h"
 #include "airslam/common/stop_signal.h"
+#include "airslam/common/version.h"
 
 namespace airslam {
 namespace {

@@ -7,8 +7,6 @@
 
 namespace airslam {
 
-inline constexpr char kVersion[] = "0.1.0";
-
 // Each adds one command with its options to the command line, each in a file of its own
 // (<name>_command.cc). The command runs when it has been parsed; what it throws is its failure.
 void AddMapCommand(CLI::App& app);

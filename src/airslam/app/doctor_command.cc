@@ -20,6 +20,7 @@
 
 #include "airslam/app/commands.h"
 #include "airslam/common/error.h"
+#include "airslam/common/version.h"
 #include "airslam/geometry/so3.h"
 #include "airslam/map/map_file.h"
 #include "airslam/neural/model_pack.h"

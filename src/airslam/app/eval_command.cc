@@ -13,6 +13,7 @@
 #include "airslam/common/error.h"
 #include "airslam/dataset/sequence.h"
 #include "airslam/dataset/trajectory.h"
+#include "airslam/evaluate/error_json.h"
 #include "airslam/evaluate/trajectory_error.h"
 
 namespace airslam {
@@ -67,39 +68,14 @@ void Print(const TrajectoryErrors& errors) {
                   Degrees(1));
 }
 
-nlohmann::json ToJson(const ErrorStatistics& s, double factor) {
-  return {{"rmse", factor * s.rmse},
-          {"mean", factor * s.mean},
-          {"median", factor * s.median},
-          {"max", factor * s.max},
-          {"count", s.count}};
-}
-
-void WriteJson(const std::string& file, const EvalArguments& arguments,
-               const TrajectoryErrors& errors) {
-  const nlohmann::json json = {
-      {"groundtruth", arguments.groundtruth},
-      {"estimate", arguments.estimate},
-      {"alignment", ToString(errors.options.alignment)},
-      {"scale", errors.groundtruth_from_estimate.scale},
-      {"max_time_difference_s", errors.options.max_time_difference},
-      {"groundtruth_poses", errors.groundtruth_poses},
-      {"estimated_poses", errors.estimated_poses},
-      {"compared_poses", errors.compared_poses},
-      {"duration_s", errors.duration},
-      {"path_length_m", errors.path_length},
-      {"coverage", errors.coverage},
-      {"coverage_frames", errors.coverage_frames},
-      {"coverage_basis", errors.coverage_basis},
-      {"ate_position_m", ToJson(errors.position, 1)},
-      {"rpe_delta_frames", errors.options.rpe_delta},
-      {"rpe_translation_m", ToJson(errors.relative_translation, 1)},
-      {"rpe_rotation_deg", ToJson(errors.relative_rotation, Degrees(1))},
-  };
-  std::ofstream stream(file);
+void WriteJson(const EvalArguments& arguments, const TrajectoryErrors& errors) {
+  nlohmann::json json = ToJson(errors);
+  json["groundtruth"] = arguments.groundtruth;
+  json["estimate"] = arguments.estimate;
+  std::ofstream stream(arguments.json);
   stream << json.dump(2) << '\n';
   stream.close();
-  if (!stream) Fail("the result cannot be written to {}", file);
+  if (!stream) Fail("the result cannot be written to {}", arguments.json);
 }
 
 void RunEval(const EvalArguments& arguments) {
@@ -110,7 +86,7 @@ void RunEval(const EvalArguments& arguments) {
       EvaluateTrajectory(ReadTrajectory(arguments.groundtruth), ReadTrajectory(arguments.estimate),
                          options, FrameTimes(arguments.dataset));
   Print(errors);
-  if (!arguments.json.empty()) WriteJson(arguments.json, arguments, errors);
+  if (!arguments.json.empty()) WriteJson(arguments, errors);
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "airslam/app/commands.h"
-#include "airslam/app/make_matcher.h"
+#include "airslam/neural/make_matcher.h"
 #include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"

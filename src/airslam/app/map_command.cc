@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <string>
 
 #include "airslam/app/commands.h"
-#include "airslam/app/make_matcher.h"
-#include "airslam/common/atomic_directory.h"
 #include "airslam/common/log.h"
 #include "airslam/common/options.h"
 #include "airslam/common/progress.h"
 #include "airslam/common/stop_signal.h"
-#include "airslam/neural/model_pack.h"
-#include "airslam/neural/plnet.h"
+#include "airslam/odometry/map_run.h"
 #include "airslam/odometry/pipeline.h"
 #include "airslam/odometry/report.h"
 
@@ -77,54 +72,38 @@ void PrintSummary(const PipelineResult& result, const RunInfo& info, const std::
 }
 
 // Says how far a run came that was asked to stop.
-[[noreturn]] void ReportStop(const StopSignal& stop, std::size_t frames, const RunInfo& info,
+[[noreturn]] void ReportStop(const StopSignal& stop, std::size_t frames, int sequence_frames,
                              const std::string& out) {
   const std::string results = frames == 0 ? "nothing was written" : "results up to there in " + out;
   throw Stopped(stop.number(), fmt::format("stopped by {} after {} of {} frames: {}", stop.name(),
-                                           frames, info.sequence_frames, results));
+                                           frames, sequence_frames, results));
 }
 
 void RunMap(const MapArguments& arguments) {
-  const auto start = std::chrono::steady_clock::now();
-  OdometryOptions options;
+  MapRunRequest request{arguments.dataset, arguments.out, {}, arguments.model};
+  OdometryOptions& options = request.options;
   if (!arguments.config.empty()) LoadOptions(arguments.config, options);
-  options.Validate();
   if (arguments.no_imu) options.inertial.enabled = false;
   if (arguments.no_lines) options.lines.enabled = false;
   const std::unique_ptr<Sequence> sequence = OpenSequence(arguments.dataset);
   for (const std::string& warning : sequence->warnings()) LogWarn("{}", warning);
-  const StereoRectifier rectifier(sequence->rig());
-  const ModelPack pack = LoadModelPack(arguments.model);
 
-  PlNet left_detector(pack.features);
-  PlNet right_detector(pack.features);
-  PlNet line_detector(pack.features);
   const StopSignal stop;
-  AtomicDirectory out(arguments.out);
-  const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(pack);
-  StageTimes times;
-  MapRecorder recorder(out.partial() / "map.db", MakeMapCalibration(sequence->rig(), rectifier),
-                       pack.name, pack.features.network.sha256, times);
+  MapRun run(sequence->rig(), request);
   Narrator narrator(sequence->size());
   const PipelineResult result = RunPipeline(
-      *sequence, rectifier, options, {left_detector, right_detector, line_detector, *matcher},
-      &recorder,
+      *sequence, run.rectifier(), options, run.networks(), run.recorder(),
       [&](int index, const PreparedFrame&, const FrameRecord& record) {
         narrator.Frame(index, record);
       },
-      times, &stop.flag());
+      run.times(), &stop.flag());
   narrator.Finish();
 
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const bool stopped = static_cast<int>(result.records.size()) < sequence->size();
-  const RunInfo info{arguments.dataset, pack.name,        DumpOptions(options),
-                     seconds,           sequence->size(), stopped ? stop.name() : ""};
-  if (stopped && result.records.empty()) ReportStop(stop, 0, info, arguments.out);
-  WriteRunOutputs(out.partial(), result, times, info);
-  out.Commit();
+  if (stopped && result.records.empty()) ReportStop(stop, 0, sequence->size(), arguments.out);
+  const RunInfo info = run.Commit(result, sequence->size(), stopped ? stop.name() : "");
   PrintSummary(result, info, arguments.out);
-  if (stopped) ReportStop(stop, result.records.size(), info, arguments.out);
+  if (stopped) ReportStop(stop, result.records.size(), sequence->size(), arguments.out);
 }
 
 }  // namespace

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/neural/model_pack.h"
 
+#include <dlfcn.h>
+
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <system_error>
+#include <vector>
 
 #include "airslam/common/error.h"
 #include "airslam/common/sha256.h"
@@ -183,6 +187,23 @@ json ParseManifest(const fs::path& file) {
   }
 }
 
+// The file that holds this code: the program, or the module of a Python package.
+fs::path OwnFile() {
+  Dl_info info;
+  if (dladdr(reinterpret_cast<void*>(&FindModelPack), &info) == 0) return {};
+  std::error_code error;
+  return fs::canonical(info.dli_fname, error);
+}
+
+// Where packs that are called by their name may lie.
+std::vector<fs::path> PackFolders() {
+  std::error_code error;
+  const fs::path own = OwnFile();
+  if (own.extension() == ".so") return {own.parent_path() / "models"};
+  const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path();
+  return {program / "../share/airslam/models", program / "../models", program / "../../models"};
+}
+
 }  // namespace
 
 std::string FindModelPack(const std::string& name_or_path) {
@@ -190,9 +211,8 @@ std::string FindModelPack(const std::string& name_or_path) {
   if (fs::is_directory(name_or_path, error)) return name_or_path;
   std::string looked = "'" + name_or_path + "'";
   if (!name_or_path.empty() && name_or_path.find('/') == std::string::npos) {
-    const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path();
-    for (const char* models : {"../share/airslam/models", "../../models"}) {
-      const fs::path folder = (program / models / name_or_path).lexically_normal();
+    for (const fs::path& models : PackFolders()) {
+      const fs::path folder = (models / name_or_path).lexically_normal();
       if (fs::is_directory(folder, error)) return folder.string();
       looked += ", '" + folder.string() + "'";
     }

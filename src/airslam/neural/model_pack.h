@@ -78,8 +78,10 @@ struct ModelPack {
 };
 
 // The folder of the pack `name_or_path`: that folder if it exists, else a pack of that name among
-// the installed ones (<folder of the program>/../share/airslam/models) or those of the source tree
-// (<folder of the program>/../../models). Throws Error that lists where it looked.
+// the installed ones (<folder of the program>/../share/airslam/models, for the program in a Python
+// package ../models) or those of the source tree (../../models). For code in a Python module:
+// among those beside the module (<folder of the module>/models). Throws Error that lists where it
+// looked.
 std::string FindModelPack(const std::string& name_or_path);
 
 // Reads and checks `folder`/manifest.json and the files that it names. Throws Error on a missing

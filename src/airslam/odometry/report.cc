@@ -11,22 +11,6 @@
 namespace airslam {
 namespace {
 
-const char* StateName(FrameState state) {
-  switch (state) {
-    case FrameState::kInitialized:
-      return "initialized";
-    case FrameState::kTracked:
-      return "tracked";
-    case FrameState::kInertial:
-      return "inertial";
-    case FrameState::kLost:
-      return "lost";
-    case FrameState::kSkipped:
-      return "skipped";
-  }
-  return "unknown";
-}
-
 Rigid3 CamFromBody(const PipelineResult& result) {
   return result.map.calibration.body_from_left.Inverse();
 }
@@ -124,6 +108,22 @@ nlohmann::json StageTable(const StageTimes& times) {
 }
 
 }  // namespace
+
+const char* StateName(FrameState state) {
+  switch (state) {
+    case FrameState::kInitialized:
+      return "initialized";
+    case FrameState::kTracked:
+      return "tracked";
+    case FrameState::kInertial:
+      return "inertial";
+    case FrameState::kLost:
+      return "lost";
+    case FrameState::kSkipped:
+      return "skipped";
+  }
+  return "unknown";
+}
 
 int LargestComponent(const PipelineResult& result) {
   std::map<int, int> frames;

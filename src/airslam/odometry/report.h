@@ -11,6 +11,9 @@
 
 namespace airslam {
 
+// The word for a state in reports: "initialized", "tracked", "inertial", "lost", "skipped".
+const char* StateName(FrameState state);
+
 // The component with the most frames that have a pose (the earlier of equals); -1 without any.
 int LargestComponent(const PipelineResult& result);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "airslam/app/make_matcher.h"
+#include "airslam/neural/make_matcher.h"
 
 #include "airslam/common/log.h"
 #include "airslam/neural/nearest_matcher.h"

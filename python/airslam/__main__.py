@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`python -m airslam <command>`: what the package does beyond the program `airslam`.
+
+Each command is a module of the package with add_parser(subparsers), which adds its parser and returns
+it, and main(args) -> int, which does the work and returns the exit code.
+"""
+
+import argparse
+import importlib
+import sys
+
+# Command -> what it does, for the help text even where its module cannot be imported.
+COMMANDS = {
+    "run": "map a sequence or a bag, with a live view if wanted",
+    "view": "look at a map",
+    "report": "a page of pictures and plots of a run",
+    "convert": "a bag as a folder of images",
+}
+
+
+def register(subparsers, command: str) -> None:
+    """Adds the parser of a command; of one whose module cannot be imported, one that says why."""
+    try:
+        module = importlib.import_module(f"airslam.{command}")
+        parser = module.add_parser(subparsers)
+        parser.set_defaults(main=module.main)
+    except ImportError as error:
+        parser = subparsers.add_parser(command, help=COMMANDS[command], add_help=False)
+        sentence = f"the command {command} is not available: {error}"
+        parser.set_defaults(main=lambda args: fail(sentence))
+
+
+def fail(sentence: str) -> int:
+    print(f"airslam: {sentence}", file=sys.stderr)
+    return 1
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m airslam", description=__doc__.split("\n")[0])
+    subparsers = parser.add_subparsers(title="commands", metavar="<command>", required=True)
+    for command in COMMANDS:
+        register(subparsers, command)
+    args, unknown = parser.parse_known_args(arguments)
+    if unknown and args.main.__name__ != "<lambda>":
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    try:
+        return args.main(args)
+    except KeyboardInterrupt:
+        return fail("stopped")
+    except Exception as error:  # airslam.Error, OSError, ...: one sentence each
+        from airslam import Error
+
+        if isinstance(error, (Error, OSError)):
+            return fail(str(error))
+        raise
+
+
+if __name__ == "__main__":
+    sys.exit(main())

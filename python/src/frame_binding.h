@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "airslam/neural/detections.h"
+#include "airslam/odometry/odometry.h"
+
+namespace airslam::python {
+
+// What Python is told of a frame when it has been tracked.
+struct Frame {
+  int index = 0;
+  std::int64_t timestamp_ns = 0;
+  std::string state;
+  std::string problem;
+  int component = -1;
+  std::optional<Rigid3> world_from_body;
+  bool is_keyframe = false;
+  int tracked_points = 0;
+  double milliseconds = 0;
+  cv::Mat left;  // rectified, shared with the pipeline and not written to
+  std::vector<Keypoint> keypoints;
+  std::map<std::string, double> stage_ms;
+};
+
+// body_from_cam: of the rectified left camera.
+Frame MakeFrame(const PreparedFrame& prepared, const FrameRecord& record,
+                const Rigid3& body_from_cam);
+
+}  // namespace airslam::python

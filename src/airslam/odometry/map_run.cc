@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "airslam/odometry/map_run.h"
+
+#include "airslam/common/options.h"
+#include "airslam/neural/make_matcher.h"
+
+namespace airslam {
+namespace {
+
+const MapRunRequest& Checked(const MapRunRequest& request) {
+  request.options.Validate();
+  return request;
+}
+
+}  // namespace
+
+MapRun::MapRun(const StereoRig& rig, const MapRunRequest& request)
+    : request_(Checked(request)),
+      rig_(rig),
+      rectifier_(rig_),
+      pack_(LoadModelPack(request_.model_pack)),
+      left_detector_(pack_.features),
+      right_detector_(pack_.features),
+      line_detector_(pack_.features),
+      matcher_(MakeMatcher(pack_)) {
+  if (request_.out.empty()) return;
+  out_.emplace(request_.out);
+  recorder_.emplace(out_->partial() / "map.db", MakeMapCalibration(rig_, rectifier_), pack_.name,
+                    pack_.features.network.sha256, times_);
+}
+
+RunInfo MapRun::Commit(const PipelineResult& result, int sequence_frames,
+                       const std::string& stopped_by) {
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start_;
+  RunInfo info{request_.dataset, pack_.name,      DumpOptions(request_.options),
+               seconds.count(),  sequence_frames, stopped_by};
+  if (out_) {
+    WriteRunOutputs(out_->partial(), result, times_, info);
+    out_->Commit();
+  }
+  return info;
+}
+
+}  // namespace airslam
