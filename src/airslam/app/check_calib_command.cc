@@ -6,12 +6,12 @@
 #include <string>
 
 #include "airslam/app/commands.h"
-#include "airslam/app/make_matcher.h"
 #include "airslam/app/picture.h"
 #include "airslam/calibrate/calibration_check.h"
 #include "airslam/calibrate/epipolar_picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
+#include "airslam/neural/make_matcher.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"
 
