@@ -10,10 +10,12 @@ namespace airslam::python {
 // times are integer nanoseconds; pixels are x right, y down, integer at pixel centres; images are
 // uint8 arrays of height x width. What the C++ core throws as airslam::Error arrives as
 // airslam.Error with the same sentence. Long calls release the GIL.
+void BindRig(nanobind::module_& module);
 void BindTrajectory(nanobind::module_& module);
 void BindFrame(nanobind::module_& module);
 void BindMap(nanobind::module_& module);
 void BindOdometry(nanobind::module_& module);
+void BindLocalization(nanobind::module_& module);
 void BindEvaluation(nanobind::module_& module);
 
 }  // namespace airslam::python

@@ -25,9 +25,11 @@ NB_MODULE(_core, module) {
         airslam::SetLogLevel(quiet ? airslam::LogLevel::kWarning : airslam::LogLevel::kInfo);
       },
       nb::arg("quiet"), "Whether only warnings are written to the standard error stream.");
+  airslam::python::BindRig(module);
   airslam::python::BindTrajectory(module);
   airslam::python::BindMap(module);
   airslam::python::BindFrame(module);
   airslam::python::BindOdometry(module);
+  airslam::python::BindLocalization(module);
   airslam::python::BindEvaluation(module);
 }

@@ -40,6 +40,17 @@ class Sequence {
   // sentence when an image is missing, unreadable or not of the calibrated size; the caller may
   // skip the frame.
   virtual StereoPair Read(int index) const = 0;
+
+  // A sequence that is being recorded while it is read (LiveSequence) overrides these.
+  // Whether there is a frame `index`; waits until it is there or none will come.
+  virtual bool Has(int index) const { return index < size(); }
+  // Whether readings of the IMU come with time, through MoreImu(), instead of all in imu().
+  virtual bool has_more_imu() const { return false; }
+  // Those that have come since the last call, in order of time; waits until one at or after
+  // `until_ns`, in the IMU's own time, is among those that have come so far, or none will come.
+  virtual std::vector<ImuSample> MoreImu(std::int64_t /*until_ns*/) const { return {}; }
+  // The reader needs no more: wakes whoever waits in the calls above.
+  virtual void Abandon() const {}
 };
 
 // Recognises the layout of `folder`: EuRoC ASL (holds mav0, or is mav0) or KITTI odometry (holds

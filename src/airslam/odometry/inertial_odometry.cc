@@ -79,11 +79,12 @@ void SetBias(Keyframe& keyframe, const ImuBias& bias) {
 
 InertialOdometry::InertialOdometry(const InertialOptions& options,
                                    const std::vector<ImuSample>& samples, const ImuNoise& noise,
-                                   double time_offset, const Rigid3& body_from_cam)
+                                   double time_offset, const Rigid3& body_from_cam, ImuSource more)
     : options_(options),
       noise_(noise),
       body_from_cam_(body_from_cam),
-      imu_(samples, BufferOptions(options, time_offset)) {
+      imu_(samples, BufferOptions(options, time_offset)),
+      more_(std::move(more)) {
   summary_.readings = static_cast<int>(imu_.samples().size());
   summary_.dropped = imu_.dropped();
   summary_.calibrated_time_offset = time_offset;
@@ -92,6 +93,13 @@ InertialOdometry::InertialOdometry(const InertialOptions& options,
   if (imu_.dropped() > 0) {
     LogWarn("{} IMU readings repeat a time or go back: left out", imu_.dropped());
   }
+}
+
+void InertialOdometry::Fetch(std::int64_t timestamp_ns, double margin) {
+  if (!more_) return;
+  const double ahead = imu_.options().time_offset;
+  imu_.Append(more_(timestamp_ns + std::llround(1e9 * ahead) + std::llround(1e9 * margin)));
+  summary_.readings = static_cast<int>(imu_.samples().size());
 }
 
 void InertialOdometry::StartComponent(int component, std::int64_t timestamp_ns) {
@@ -134,6 +142,7 @@ void InertialOdometry::NoteGap(std::int64_t begin_ns, std::int64_t end_ns) {
 }
 
 std::optional<PosePrior> InertialOdometry::Predict(std::int64_t timestamp_ns) {
+  Fetch(timestamp_ns, 0);
   predicted_.reset();
   if (!filter_ || Seconds(filter_->timestamp_ns(), timestamp_ns) > kMaxLink) return std::nullopt;
   const auto readings = Readings(filter_->timestamp_ns(), timestamp_ns, filter_->state().bias);
@@ -342,11 +351,13 @@ void InertialOdometry::TryInitialize(std::span<const FrameRecord> records, Map& 
   last_try_ns_ = now;
   const std::vector<InertialFrame> frames = StartFrames(records, map);
   if (frames.empty()) return;
+  const InertialInitializationOptions options;
   InertialInitialization result;
   do {
+    Fetch(now, options.time_offset_search + options.time_offset_step);
     const ImuNoise noise = WithMeasuredNoise(
         noise_, imu_.Between(frames.front().timestamp_ns, frames.back().timestamp_ns).samples);
-    result = InitializeInertial({}, frames, imu_, noise, body_from_cam_);
+    result = InitializeInertial(options, frames, imu_, noise, body_from_cam_);
   } while (CorrectTimeOffset(result));
   if (!result.ok()) return Refused(result, now);
   const bool better = !start_ || result.gravity_sigma < start_->gravity_sigma ||
@@ -449,6 +460,10 @@ void InertialOdometry::SmoothCoastedFrames(std::span<FrameRecord> records, const
 
 InertialSummary InertialOdometry::summary() const {
   InertialSummary summary = summary_;
+  if (summary.readings == 0) {
+    summary.state = "no readings";
+    summary.reason = "the sequence has no IMU readings";
+  }
   summary.time_offset = imu_.options().time_offset;
   if (!summary.starts.empty()) {
     summary.state = "used";

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -20,6 +21,9 @@
 
 namespace airslam {
 
+// Hands over readings that come while the run goes on: see Sequence::MoreImu.
+using ImuSource = std::function<std::vector<ImuSample>(std::int64_t until_ns)>;
+
 // The inertial side of the odometry. It keeps trying to find gravity, velocities and biases from
 // the frames since the component's start, at rest or in motion; from then on it predicts the
 // camera's pose, adds its factors to local bundle adjustment, and carries the frames that vision
@@ -28,9 +32,11 @@ namespace airslam {
 class InertialOdometry {
  public:
   // The readings in the IMU's own time, `time_offset` as in ImuBufferOptions. body_from_cam: of the
-  // rectified left camera.
+  // rectified left camera. `more`, where readings come with time: it is asked for those that a
+  // frame needs, up to the frame's time and a little further when the time offset is searched.
   InertialOdometry(const InertialOptions& options, const std::vector<ImuSample>& samples,
-                   const ImuNoise& noise, double time_offset, const Rigid3& body_from_cam);
+                   const ImuNoise& noise, double time_offset, const Rigid3& body_from_cam,
+                   ImuSource more = nullptr);
 
   // A new component begins: nothing is known of its gravity.
   void StartComponent(int component, std::int64_t timestamp_ns);
@@ -73,6 +79,8 @@ class InertialOdometry {
   InertialSummary summary() const;
 
  private:
+  // Takes in the readings up to a time of the images and `margin` seconds beyond.
+  void Fetch(std::int64_t timestamp_ns, double margin);
   std::optional<ImuPreintegration> Readings(std::int64_t begin_ns, std::int64_t end_ns,
                                             const ImuBias& bias) const;
   std::shared_ptr<const ImuPreintegration> Link(const Keyframe& from, const Keyframe& to);
@@ -96,6 +104,7 @@ class InertialOdometry {
   const ImuNoise noise_;
   const Rigid3 body_from_cam_;
   ImuBuffer imu_;
+  const ImuSource more_;
   int offset_corrections_ = 0;
   bool readings_outdated_ = false;  // keyframes hold readings with an earlier time offset
   std::optional<std::int64_t> last_keyframe_ns_;  // of the component

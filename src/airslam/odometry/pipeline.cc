@@ -56,6 +56,12 @@ class StageThread {
   std::thread thread_;
 };
 
+// Wakes the reader of a sequence that waits when the run ends, also by throwing.
+struct Abandoner {
+  const Sequence& sequence;
+  ~Abandoner() { sequence.Abandon(); }
+};
+
 PreparedFrame ReadFrame(const Sequence& sequence, int index, const StereoRectifier& rectifier,
                         StageTimes& times) {
   PreparedFrame frame;
@@ -86,13 +92,17 @@ std::unique_ptr<InertialOdometry> MakeInertial(const Sequence& sequence,
   } else if (!sequence.rig().imu) {
     summary.state = "no calibration";
     summary.reason = "the calibration has no IMU";
-  } else if (sequence.imu().empty()) {
+  } else if (sequence.imu().empty() && !sequence.has_more_imu()) {
     summary.state = "no readings";
     summary.reason = "the sequence has no IMU readings";
   } else {
+    ImuSource more;
+    if (sequence.has_more_imu()) {
+      more = [&sequence](std::int64_t until_ns) { return sequence.MoreImu(until_ns); };
+    }
     return std::make_unique<InertialOdometry>(options, sequence.imu(), *sequence.rig().imu,
                                               sequence.rig().imu_time_offset,
-                                              rectifier.body_from_left());
+                                              rectifier.body_from_left(), std::move(more));
   }
   return nullptr;
 }
@@ -110,7 +120,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   FrameQueue read_frames(2);
   FrameQueue prepared_frames(2);
   StageThread reader(nullptr, &read_frames, [&] {
-    for (int i = 0; i < sequence.size() && !(stop != nullptr && *stop); ++i) {
+    for (int i = 0; !(stop != nullptr && *stop) && sequence.Has(i); ++i) {
       if (!read_frames.Push(ReadFrame(sequence, i, rectifier, times))) return;
     }
   });
@@ -125,6 +135,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
     }
   });
 
+  const Abandoner abandoner{sequence};
   InertialSummary without_imu;
   const auto inertial = MakeInertial(sequence, rectifier, options.inertial, without_imu);
   Odometry odometry(options, MakeMapCalibration(sequence.rig(), rectifier),
@@ -135,6 +146,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
     const FrameRecord& record = odometry.Process(*frame);
     if (observer) observer(frame->index, *frame, record);
   }
+  sequence.Abandon();  // where a stage has failed the reader may still wait for a frame
   reader.Join();
   detector.Join();
   odometry.Finish();

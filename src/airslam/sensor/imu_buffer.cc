@@ -47,8 +47,12 @@ ImuSample Interpolate(const ImuSample& before, const ImuSample& after, std::int6
 ImuBuffer::ImuBuffer(const std::vector<ImuSample>& samples, const ImuBufferOptions& options)
     : options_(options) {
   options_.Validate();
-  const std::int64_t offset_ns = ToNs(options_.time_offset);
   samples_.reserve(samples.size());
+  Append(samples);
+}
+
+void ImuBuffer::Append(const std::vector<ImuSample>& samples) {
+  const std::int64_t offset_ns = ToNs(options_.time_offset);
   for (ImuSample sample : samples) {
     if (!sample.angular_velocity.allFinite() || !sample.acceleration.allFinite()) {
       Fail(

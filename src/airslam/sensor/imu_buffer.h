@@ -35,13 +35,16 @@ struct ImuInterval {
   bool complete() const { return !samples.empty() && coverage >= 1; }
 };
 
-// All readings of a sequence in order of time. The times asked for and returned are those of the
-// images. Immutable, so that threads can share it.
+// The readings of a sequence in order of time. The times asked for and returned are those of the
+// images.
 class ImuBuffer {
  public:
   // Drops readings whose time repeats or goes back. Throws Error for a reading that is not finite,
   // or bad options.
   ImuBuffer(const std::vector<ImuSample>& samples, const ImuBufferOptions& options);
+
+  // Readings that follow, in the IMU's own time. As the constructor.
+  void Append(const std::vector<ImuSample>& samples);
 
   ImuInterval Between(std::int64_t begin_ns, std::int64_t end_ns) const;
 
