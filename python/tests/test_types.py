@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The package is typed: the stub beside the module names what the package offers."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import airslam
+from airslam import _core
+
+
+def test_stub_names_everything_with_words() -> None:
+    stub = ast.parse((Path(_core.__file__).parent / "_core.pyi").read_text())
+    stubs = {node.name: node for node in stub.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
+    offered = set(airslam.__all__) - {"program"}
+    assert offered <= set(stubs)
+    for name in offered:
+        assert ast.get_docstring(stubs[name]), name
+    assert (Path(airslam.__file__).parent / "py.typed").exists()
