@@ -9,23 +9,25 @@ import argparse
 import importlib
 import sys
 
-# Command -> what it does, for the help text even where its module cannot be imported.
+# Command -> its module, and what it does, for the help text even where its module cannot be imported.
+# A module must not be called like a function of the package: importing it would hide the function.
 COMMANDS = {
-    "run": "map a sequence or a bag, with a live view if wanted",
-    "view": "look at a map",
-    "report": "a page of pictures and plots of a run",
-    "convert": "a bag as a folder of images",
+    "run": ("run_command", "map a sequence or a bag, with a live view if wanted"),
+    "view": ("view", "look at a map"),
+    "report": ("report", "a page of pictures and plots of a run"),
+    "convert": ("convert", "a bag as a folder of images"),
 }
 
 
 def register(subparsers, command: str) -> None:
     """Adds the parser of a command; of one whose module cannot be imported, one that says why."""
+    name, purpose = COMMANDS[command]
     try:
-        module = importlib.import_module(f"airslam.{command}")
+        module = importlib.import_module(f"airslam.{name}")
         parser = module.add_parser(subparsers)
         parser.set_defaults(main=module.main)
     except ImportError as error:
-        parser = subparsers.add_parser(command, help=COMMANDS[command], add_help=False)
+        parser = subparsers.add_parser(command, help=purpose, add_help=False)
         sentence = f"the command {command} is not available: {error}"
         parser.set_defaults(main=lambda args: fail(sentence))
 

@@ -6,8 +6,11 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 import airslam
 from airslam import _core
+from airslam.__main__ import main
 
 
 def test_stub_names_everything_with_words() -> None:
@@ -18,3 +21,10 @@ def test_stub_names_everything_with_words() -> None:
     for name in offered:
         assert ast.get_docstring(stubs[name]), name
     assert (Path(airslam.__file__).parent / "py.typed").exists()
+
+
+def test_commands_hide_no_function(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])  # imports the module of every command
+    assert ended.value.code == 0 and "run" in capsys.readouterr().out
+    assert all(callable(getattr(airslam, name)) for name in airslam.__all__)
