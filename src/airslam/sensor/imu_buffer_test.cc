@@ -107,6 +107,21 @@ TEST(ImuBuffer, MovesByTheTimeOffset) {
       0.015, 1e-12);
 }
 
+TEST(ImuBuffer, ReadingsThatFollowAreAsThoseFromTheBeginning) {
+  const ImuBuffer whole(Readings({0, 5, 10, 10, 15, 20}), {.time_offset = 0.01});
+  ImuBuffer grown(Readings({0, 5, 10}), {.time_offset = 0.02});
+  grown = grown.WithTimeOffset(0.01);  // what follows comes in the corrected time
+  grown.Append(Readings({10, 15}));
+  grown.Append({});
+  grown.Append(Readings({20}));
+  EXPECT_EQ(grown.dropped(), 1);
+  ASSERT_EQ(grown.samples().size(), whole.samples().size());
+  for (std::size_t i = 0; i < whole.samples().size(); ++i) {
+    EXPECT_EQ(grown.samples()[i].timestamp_ns, whole.samples()[i].timestamp_ns) << i;
+    EXPECT_EQ(grown.samples()[i].angular_velocity, whole.samples()[i].angular_velocity) << i;
+  }
+}
+
 TEST(ImuBuffer, CountsSaturatedReadings) {
   const ImuBuffer buffer(Readings({0, 5, 10, 15, 20}),
                          {.max_angular_velocity = 0.02, .max_acceleration = 0.03});
