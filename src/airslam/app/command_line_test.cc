@@ -306,10 +306,10 @@ std::vector<std::vector<double>> Table(const fs::path& file) {
   return rows;
 }
 
-// A bright rectangle with corners at (60, 50) and (260, 170) on a dark ground.
+// A bright rectangle with corners at (120, 100) and (520, 340) on a dark ground.
 cv::Mat Rectangle(cv::Size size) {
   cv::Mat image(size, CV_8UC1, cv::Scalar(70));
-  image(cv::Rect(60, 50, 200, 120)) = 180;
+  image(cv::Rect(120, 100, 400, 240)) = 180;
   return image;
 }
 
@@ -321,16 +321,16 @@ bool IsSide(const std::vector<double>& line) {
     };
     return ends(x1, y1, x2, y2) || ends(x2, y2, x1, y1);
   };
-  return near(60, 50, 260, 50) || near(60, 170, 260, 170) || near(60, 50, 60, 170) ||
-         near(260, 50, 260, 170);
+  return near(120, 100, 520, 100) || near(120, 340, 520, 340) || near(120, 100, 120, 340) ||
+         near(520, 100, 520, 340);
 }
 
 TEST(CommandLine, DetectWritesKeypointsAndLines) {
   const TemporaryFolder folder;
   fs::create_directory(folder.path() / "in");
   folder.Write("in/notes.txt", "not a picture");
-  cv::imwrite(folder.path() / "in" / "a.png", Rectangle({331, 227}));
-  cv::imwrite(folder.path() / "in" / "b.JPG", Rectangle({320, 240}));
+  cv::imwrite(folder.path() / "in" / "a.png", Rectangle({661, 455}));
+  cv::imwrite(folder.path() / "in" / "b.JPG", Rectangle({640, 480}));
   const ProgramResult run =
       RunProgram(folder.path(), {"detect", "in", "--out", "new/out", "--draw"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
@@ -346,12 +346,12 @@ TEST(CommandLine, DetectWritesKeypointsAndLines) {
       ASSERT_EQ(lines[i].size(), 5u);
       EXPECT_LE(lines[i][4], lines[i > 0 ? i - 1 : 0][4]);  // best first
       EXPECT_GE(lines[i][0], 0);
-      EXPECT_LE(lines[i][2], 330);
+      EXPECT_LE(lines[i][2], 660);
     }
     // At least one side of the rectangle is found.
     EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), IsSide));
   }
-  EXPECT_EQ(cv::imread(out / "a.features.png").size(), cv::Size(331, 227));
+  EXPECT_EQ(cv::imread(out / "a.features.png").size(), cv::Size(661, 455));
   EXPECT_EQ(std::distance(fs::directory_iterator(out), {}), 6);
   // A second run, on one of them, gives the same and leaves the other alone.
   const std::string before = ReadText(out / "a.lines.csv");
@@ -366,7 +366,7 @@ TEST(CommandLine, DetectSaysWhatIsWrong) {
   folder.Write("broken/a.png", "no picture");
   folder.Write("twice/a.png", "");
   folder.Write("twice/a.jpg", "");
-  cv::imwrite(folder.path() / "good.png", Rectangle({320, 240}));
+  cv::imwrite(folder.path() / "good.png", Rectangle({640, 480}));
   const auto expect = [&](std::vector<std::string> arguments, const std::string& words) {
     arguments.insert(arguments.begin(), "detect");
     ExpectComplaint(RunProgram(folder.path(), arguments), words);
