@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What lines give, free of chance: `airslam map` with and without them at several numbers of keypoints.
 
-    .venv/bin/python benchmarks/ablation.py --root ../shared/data [--keypoints 400 375 350 325 300 200]
+    .venv/bin/python benchmarks/ablation.py --root ../shared/data [--keypoints 400 350 300]
 
 One run says little: another number of keypoints alone changes the error of one sequence by up to a
 third. So each number is a pair of runs, and of all pairs of a sequence the geometric mean of
@@ -54,7 +54,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--root", type=Path, default=records.REPOSITORY / "../shared/data",
                         help="folder of the sequences")
     parser.add_argument("--sequences", nargs="+", default=SEQUENCES)
-    parser.add_argument("--keypoints", nargs="+", type=int, default=[400, 375, 350, 325, 300, 200])
+    parser.add_argument("--keypoints", nargs="+", type=int, default=[400, 350, 300])
     parser.add_argument("--airslam", type=Path, default=records.REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=records.REPOSITORY / "out/ablation")
     parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
