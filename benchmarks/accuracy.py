@@ -3,7 +3,7 @@
 """Runs `airslam map` on every sequence and prints accuracy and cost as a markdown table.
 
     .venv/bin/python benchmarks/accuracy.py --root ../shared/data --runs 3 --compare \
-        --pictures --out out/accuracy
+        --pages --out out/accuracy
 
 ATE is the RMSE in metres of the body's positions after SE(3) alignment, over every frame of the
 trajectory, as `airslam eval` computes it. CPU and memory come from the kernel (wait4) and are of
@@ -163,17 +163,10 @@ def describe(about: dict, command: str, runs: int) -> str:
     ])
 
 
-def draw(sequence: Path, result: Path, picture: Path) -> None:
-    """Trajectory against ground truth of one run."""
-    sys.path.insert(0, str(REPOSITORY / "scripts"))
-    import demo  # noqa: PLC0415 (needs matplotlib, which the table does not)
-
-    truth = ground_truth(sequence)
-    trajectory = result / "trajectory.tum"
-    report = json.loads((result / "report.json").read_text())
-    comparison = demo.compare(trajectory, truth) if truth else None
-    demo.draw_trajectory(picture, comparison,
-                         demo.read_path(trajectory, demo.first_timestamp(trajectory)), report)
+def write_page(sequence: Path, result: Path) -> None:
+    """The page about one run, report.html in its folder."""
+    command = [sys.executable, "-m", "airslam", "report", str(result), "--dataset", str(sequence)]
+    subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(REPOSITORY / "build/python")})
 
 
 def parse() -> argparse.Namespace:
@@ -185,7 +178,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--airslam", type=Path, default=REPOSITORY / "build/bin/airslam")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out/accuracy")
     parser.add_argument("--compare", action="store_true", help="columns of the peers")
-    parser.add_argument("--pictures", action="store_true", help="a picture a sequence, into --out")
+    parser.add_argument("--pages", action="store_true", help="report.html of each sequence's first run")
     parser.add_argument("--json", type=Path, help="write a record (benchmarks/records.py)")
     parser.add_argument("extra", nargs="*", help="after --: options of `airslam map`")
     return parser.parse_args()
@@ -222,11 +215,10 @@ def main() -> int:
                       "trajectory, no loop closing; CPU and memory of the whole process",
                       {name: [asdict(run) for run in runs] for name, runs in results.items()})
     print(text, end="")
-    if arguments.pictures:  # last: matplotlib's memory would count as a child's before its exec
+    if arguments.pages:
         for name, runs in results.items():
             if not runs[0].failure and runs[0].frames_with_pose:
-                draw(arguments.root / name, arguments.out / f"{name}_0",
-                     arguments.out / f"{name}.png")
+                write_page(arguments.root / name, arguments.out / f"{name}_0")
     return 1 if any(run.failure for runs in results.values() for run in runs) else 0
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Maps the example sequence, evaluates the trajectory and draws both: out/demo. `make demo` builds
+# Maps the example sequence, evaluates the trajectory and writes the page about it: out/demo/report.html. `make demo` builds
 # what this needs. Arguments: [dataset] [output folder].
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -32,4 +32,5 @@ echo
 echo "== airslam features: two frames one second apart"
 "$airslam" features "$(left_image 41)" "$(left_image 51)" --out "$out/matches.png"
 echo
-"$python" scripts/demo.py "$out" "$truth"
+echo "== python -m airslam report $out"
+PYTHONPATH=build/python "$python" -m airslam report "$out" --truth "$truth" --dataset "$dataset" --pictures
