@@ -16,6 +16,7 @@
 #include "airslam/calibrate/rig_fit.h"
 #include "airslam/geometry/so3.h"
 #include "airslam/sensor/imu_buffer.h"
+#include "airslam/sensor/imu_preintegration.h"
 
 namespace airslam {
 namespace {
@@ -97,13 +98,7 @@ std::vector<Vector3d> GyroscopeTurns(const ImuBuffer& imu, const std::vector<Vis
   std::vector<Vector3d> vectors;
   for (const VisualTurn& turn : turns) {
     const ImuInterval interval = imu.Between(turn.from_ns, turn.to_ns);
-    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
-    for (std::size_t k = 1; k < interval.samples.size(); ++k) {
-      const ImuSample &a = interval.samples[k - 1], &b = interval.samples[k];
-      const double dt = 1e-9 * static_cast<double>(b.timestamp_ns - a.timestamp_ns);
-      q = q * ExpSO3(0.5 * dt * (a.angular_velocity + b.angular_velocity));
-    }
-    vectors.push_back(LogSO3(q));
+    vectors.push_back(LogSO3(GyroscopeTurn(interval.samples, Vector3d::Zero())));
   }
   return vectors;
 }

@@ -40,19 +40,6 @@ Eigen::Matrix<double, 3, 2> Across(const Vector3d& direction) {
   return across;
 }
 
-// The gyroscope's turn between two image times. Midpoints, as in ImuPreintegration.
-Eigen::Quaterniond Turn(const ImuBuffer& imu, std::int64_t begin_ns, std::int64_t end_ns,
-                        const Vector3d& bias) {
-  const ImuInterval interval = imu.Between(begin_ns, end_ns);
-  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
-  for (std::size_t k = 1; k < interval.samples.size(); ++k) {
-    const ImuSample &from = interval.samples[k - 1], &to = interval.samples[k];
-    const double dt = 1e-9 * static_cast<double>(to.timestamp_ns - from.timestamp_ns);
-    turn = turn * ExpSO3(dt * (0.5 * (from.angular_velocity + to.angular_velocity) - bias));
-  }
-  return turn;
-}
-
 // Largest standard deviation of any direction.
 double WorstSigma(const Eigen::MatrixXd& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance, Eigen::EigenvaluesOnly);
@@ -466,8 +453,9 @@ double TurnCost(const std::vector<InertialFrame>& frames, const ImuBuffer& imu,
     const Eigen::Quaterniond seen =
         body_from_cam.rotation * frames[i].world_from_cam.rotation.conjugate() *
         frames[i + 1].world_from_cam.rotation * body_from_cam.rotation.conjugate();
-    const Vector3d error =
-        LogSO3(Turn(imu, begin + shift_ns, end + shift_ns, bias).conjugate() * seen);
+    const Vector3d error = LogSO3(
+        GyroscopeTurn(imu.Between(begin + shift_ns, end + shift_ns).samples, bias).conjugate() *
+        seen);
     const double t = 1e-9 * static_cast<double>(end - begin);
     squares += error.squaredNorm();
     time_error += t * error;

@@ -96,6 +96,17 @@ bool ImuPreintegration::IsFar(const ImuBias& bias, double max_turn) const {
   return (bias.gyroscope - bias_.gyroscope).norm() * duration_ > max_turn;
 }
 
+Eigen::Quaterniond GyroscopeTurn(const std::vector<ImuSample>& samples,
+                                 const Eigen::Vector3d& bias) {
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const ImuSample &from = samples[k - 1], &to = samples[k];
+    const double dt = 1e-9 * static_cast<double>(to.timestamp_ns - from.timestamp_ns);
+    turn = turn * ExpSO3(dt * (0.5 * (from.angular_velocity + to.angular_velocity) - bias));
+  }
+  return turn;
+}
+
 ImuPreintegration Join(const ImuPreintegration& first, const ImuPreintegration& second) {
   if (first.samples().empty() || second.samples().empty() ||
       first.samples().back().timestamp_ns != second.samples().front().timestamp_ns) {

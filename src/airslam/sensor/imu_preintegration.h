@@ -80,6 +80,11 @@ class ImuPreintegration {
   Matrix96d by_bias_ = Matrix96d::Zero();
 };
 
+// How the gyroscope says that the body turned from the first of the samples to the last (body at
+// the first from body at the last), by the rule of ImuPreintegration; `bias` in rad/s.
+Eigen::Quaterniond GyroscopeTurn(const std::vector<ImuSample>& samples,
+                                 const Eigen::Vector3d& bias);
+
 // One preintegration over two that follow each other, at the bias of the first. Throws Error when
 // they do not meet in time.
 ImuPreintegration Join(const ImuPreintegration& first, const ImuPreintegration& second);

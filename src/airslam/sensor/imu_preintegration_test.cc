@@ -49,6 +49,18 @@ Vector9d Difference(const ImuDelta& expected, const ImuDelta& actual) {
   return difference;
 }
 
+TEST(GyroscopeTurn, IsThePreintegratedRotation) {
+  ImuSimulationOptions options;
+  options.noise.rate_hz = 200;
+  const ImuRecording recording = SimulateImu(Motion(), kStart, After(1), options);
+  const ImuBias bias{{0.01, -0.02, 0.03}, {}};
+  const ImuPreintegration expected = Integrate(recording.samples, 0.1, 0.9, {}, bias);
+  const Eigen::Quaterniond turn = GyroscopeTurn(expected.samples(), bias.gyroscope);
+  EXPECT_GT(LogSO3(turn).norm(), 0.1);
+  EXPECT_LT(LogSO3(expected.delta().rotation.conjugate() * turn).norm(), 1e-12);
+  EXPECT_LT(LogSO3(GyroscopeTurn({}, bias.gyroscope)).norm(), 1e-12);
+}
+
 TEST(ImuPreintegration, FollowsTheExactMotion) {
   const SyntheticTrajectory motion = Motion();
   ImuSimulationOptions options;
