@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "airslam/common/error.h"
@@ -73,13 +72,11 @@ int LaterFrame(const Sequence& sequence, int from, double span, double max_span)
   return Seconds(sequence, from, to) <= max_span ? to : from;
 }
 
-// How the left keypoints move until the next frame.
-void AddVelocities(const Sequence& sequence, int frame, const View& left,
+// How the left keypoints move until the frame `next`.
+void AddVelocities(const Sequence& sequence, int frame, int next, const View& left,
                    const std::vector<int>& keypoints, RawMatcher& matcher,
                    std::span<RawMatch> matches) {
-  const int next = LaterFrame(sequence, frame, 0, std::numeric_limits<double>::infinity());
   const double step = Seconds(sequence, frame, next);
-  if (next == frame) return;
   const std::optional<StereoPair> pair = TryRead(sequence, next);
   if (!pair) return;
   std::vector<const PixelPair*> of_keypoint(left.features.keypoints.size(), nullptr);
@@ -149,7 +146,7 @@ RawMatches MatchRawImages(const Sequence& sequence, FeatureDetector& detector,
     if (right_shift != 0) continue;
     const int next = LaterFrame(sequence, frame, 0, options.max_step);
     if (next != frame) {
-      AddVelocities(sequence, frame, left, keypoints, matcher,
+      AddVelocities(sequence, frame, next, left, keypoints, matcher,
                     std::span(result.matches).subspan(begin));
     }
     AddMotion(sequence, frame, left, options, matcher, result);
