@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <string>
 
 #include "airslam/app/commands.h"
+#include "airslam/app/output_folder.h"
 #include "airslam/app/picture.h"
 #include "airslam/calibrate/calibration_check.h"
 #include "airslam/calibrate/epipolar_picture.h"
@@ -31,9 +31,7 @@ struct CheckArguments {
 // Pictures of up to six of the frames, and the report as JSON.
 void WriteResults(const Sequence& sequence, const CalibrationReport& report, const fs::path& out) {
   constexpr std::size_t kPictures = 6;
-  std::error_code error;
-  fs::create_directories(out, error);
-  if (error) Fail("{}: the folder cannot be made: {}", out.string(), error.message());
+  PrepareFolder(out);
   const std::vector<int>& frames = report.matches.frames;
   const std::size_t step = std::max<std::size_t>(1, frames.size() / kPictures);
   for (std::size_t i = 0; i < frames.size(); i += step) {
@@ -41,11 +39,7 @@ void WriteResults(const Sequence& sequence, const CalibrationReport& report, con
     WritePicture((out / fmt::format("epipolar_{:06d}.png", frames[i])).string(),
                  DrawEpipolarCurves(sequence.rig(), pair, report.matches, frames[i]));
   }
-  const fs::path file = out / "calibration.json";
-  std::ofstream stream(file);
-  stream << CalibrationReportToJson(report).dump(1) << '\n';
-  stream.close();
-  if (!stream) Fail("cannot write {}", file.string());
+  WriteText(out / "calibration.json", CalibrationReportToJson(report).dump(1) + '\n');
 }
 
 void RunCheck(const CheckArguments& arguments) {

@@ -2,16 +2,15 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "airslam/app/commands.h"
+#include "airslam/app/output_folder.h"
 #include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
@@ -45,26 +44,6 @@ std::vector<fs::path> Pictures(const std::string& input) {
     }
   }
   return files;
-}
-
-void PrepareFolder(const fs::path& out) {
-  std::error_code error;
-  fs::create_directories(out, error);
-  if (!fs::is_directory(out)) {
-    Fail("{}: the folder of results cannot be created{}", out.string(),
-         error ? ": " + error.message() : std::string());
-  }
-}
-
-// Written beside its place and then put there, so that no half of a table is ever seen.
-void WriteTable(const fs::path& file, const std::string& text) {
-  const fs::path partial = file.string() + ".partial";
-  std::ofstream stream(partial, std::ios::binary);
-  stream << text;
-  stream.close();
-  std::error_code error;
-  if (stream) fs::rename(partial, file, error);
-  if (!stream || error) Fail("{}: the table could not be written", file.string());
 }
 
 std::string KeypointTable(const std::vector<Keypoint>& keypoints) {
@@ -122,8 +101,8 @@ void RunDetect(const DetectArguments& arguments) {
     request.max_junctions = request.max_line_proposals = std::numeric_limits<int>::max();
     const Detections found = plnet.Detect(image, cv::Mat(), request);
     const std::string name = files[i].stem().string();
-    WriteTable(out / (name + ".keypoints.csv"), KeypointTable(found.keypoints));
-    WriteTable(out / (name + ".lines.csv"), LineTable(found.lines));
+    WriteText(out / (name + ".keypoints.csv"), KeypointTable(found.keypoints));
+    WriteText(out / (name + ".lines.csv"), LineTable(found.lines));
     if (arguments.draw) {
       WritePicture((out / (name + ".features.png")).string(),
                    Draw(image, found, arguments.draw_score));
