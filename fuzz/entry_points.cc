@@ -47,7 +47,7 @@ accelerometer_random_walk: 1.0e-4
 
 std::string TextOf(Bytes bytes) { return {bytes.begin(), bytes.end()}; }
 
-// Runs a reader; an Error is an answer like any other.
+// Runs a reader; an Error of one line is an answer like any other.
 template <class Read>
 void Try(Read&& read) {
   try {
@@ -55,6 +55,7 @@ void Try(Read&& read) {
   } catch (const Error& error) {
     const std::string_view text = error.what();
     if (text.empty()) throw std::logic_error("an Error without words");
+    if (text.find('\n') != text.npos) throw std::logic_error("an Error of several lines");
   }
 }
 

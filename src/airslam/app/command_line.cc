@@ -9,20 +9,12 @@
 #include <vector>
 
 #include "airslam/app/commands.h"
+#include "airslam/common/error.h"
 #include "airslam/common/stop_signal.h"
 #include "airslam/common/version.h"
 
 namespace airslam {
 namespace {
-
-// What a damaged file holds may stand in a sentence about it: line breaks and other control
-// characters become blanks.
-std::string OneLine(std::string text) {
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  }
-  return text;
-}
 
 // One sentence, and where to read on.
 std::string DescribeWrongUsage(const CLI::App* app, const CLI::Error& error) {
@@ -61,9 +53,9 @@ int RunCommandLine(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const Stopped& stopped) {
-    std::fprintf(stderr, "airslam: %s\n", OneLine(stopped.what()).c_str());
+    std::fprintf(stderr, "airslam: %s\n", stopped.what());
     return stopped.exit_code();
-  } catch (const std::exception& error) {
+  } catch (const std::exception& error) {  // Error, or of a library
     std::fprintf(stderr, "airslam: %s\n", OneLine(error.what()).c_str());
     return 1;
   }

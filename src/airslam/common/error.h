@@ -9,11 +9,21 @@
 
 namespace airslam {
 
+// A text on one line. What a damaged file holds, or SQLite says, may stand in a sentence about it:
+// line breaks and other control characters become blanks.
+inline std::string OneLine(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  }
+  return text;
+}
+
 // What went wrong with the user's input or environment, as one clear sentence that names the file,
-// line or field and what was expected. The command line prints it and ends with a non-zero code.
+// line or field and what was expected. The command line prints it and ends with a non-zero code;
+// Python raises it as airslam.Error.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit Error(const std::string& sentence) : std::runtime_error(OneLine(sentence)) {}
 };
 
 // Throws an Error whose text is formatted as by fmt::format.

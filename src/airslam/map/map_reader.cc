@@ -4,7 +4,6 @@
 #include <sqlite3.h>
 #include <stdlib.h>
 
-#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -56,9 +55,7 @@ struct OpenMap {
 };
 
 [[noreturn]] void FailDamaged(const fs::path& file, std::string_view reason) {
-  std::string line(reason);  // SQLite's own check answers in several lines
-  std::replace(line.begin(), line.end(), '\n', ' ');
-  Fail("map file {} is truncated or damaged: {}", file.string(), line);
+  Fail("map file {} is truncated or damaged: {}", file.string(), reason);
 }
 
 // Throws unless the file is there and begins as an SQLite file does.
