@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "airslam/geometry/rigid3.h"
+#include "airslam/neural/detections.h"
 
 namespace airslam::python {
 
@@ -20,6 +21,7 @@ template <typename T, nb::ssize_t... Shape>
 using Array = nb::ndarray<nb::numpy, T, nb::shape<Shape...>, nb::c_contig>;
 
 using Matrix4Array = Array<double, 4, 4>;
+using PixelArray = Array<float, -1, 2>;
 
 // Hands numbers over to numpy, without a copy.
 template <typename ArrayType, typename T>
@@ -39,6 +41,12 @@ inline Matrix4Array ToArray(const Rigid3& pose) {
   std::vector<double> numbers;
   AppendPose(pose, numbers);
   return ToArray<Matrix4Array>(std::move(numbers), {4, 4});
+}
+
+inline PixelArray Pixels(const std::vector<Keypoint>& keypoints) {
+  std::vector<float> numbers;
+  for (const Keypoint& p : keypoints) numbers.insert(numbers.end(), {p.x, p.y});
+  return ToArray<PixelArray>(std::move(numbers), {keypoints.size(), 2});
 }
 
 }  // namespace airslam::python

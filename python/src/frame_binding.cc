@@ -73,12 +73,7 @@ void BindFrame(nb::module_& module) {
           "The rectified left image, uint8 height x width, read-only; None when it was skipped.",
           nb::rv_policy::automatic)
       .def_prop_ro(
-          "keypoints",
-          [](const Frame& f) {
-            std::vector<float> numbers;
-            for (const Keypoint& p : f.keypoints) numbers.insert(numbers.end(), {p.x, p.y});
-            return ToArray<Array<float, -1, 2>>(std::move(numbers), {f.keypoints.size(), 2});
-          },
+          "keypoints", [](const Frame& f) { return Pixels(f.keypoints); },
           "N x 2 pixels of the rectified left image, best first.", nb::rv_policy::automatic)
       .def_ro("stage_ms", &Frame::stage_ms,
               "Milliseconds that each stage of the pipeline has worked since the frame before was "

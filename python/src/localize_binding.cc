@@ -14,13 +14,13 @@
 #include <string>
 #include <vector>
 
+#include "airslam/map/map_file.h"
 #include "airslam/neural/make_matcher.h"
 #include "airslam/neural/plnet.h"
 #include "airslam/relocalize/localizer.h"
 #include "src/arrays.h"
 #include "src/bindings.h"
 #include "src/images.h"
-#include "src/paths.h"
 
 namespace airslam::python {
 namespace {
@@ -42,7 +42,7 @@ class MapLocalizer {
   MapLocalizer(const fs::path& map, const RigCamera& camera, const std::string& model,
                int candidates, bool structure_graph)
       : pack_(LoadModelPack(model)),
-        map_(LocalizationMap::Load(MapFileOf(map), pack_)),
+        map_(LocalizationMap::Load(MapFilePath(map), pack_)),
         camera_(camera),
         detector_(pack_.features),
         matcher_(MakeMatcher(pack_)),

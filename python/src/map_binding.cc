@@ -15,6 +15,7 @@
 #include <unordered_map>
 
 #include "airslam/common/error.h"
+#include "airslam/map/keyframe_trajectory.h"
 #include "airslam/map/map_file.h"
 #include "airslam/map/map_summary.h"
 #include "src/arrays.h"
@@ -31,7 +32,6 @@ using Ids = Array<std::int64_t, -1>;
 using Doubles3 = Array<double, -1, 3>;
 using Poses = Array<double, -1, 4, 4>;
 using Floats = Array<float, -1>;
-using Floats2 = Array<float, -1, 2>;
 using Floats4 = Array<float, -1, 4>;
 using FloatRows = Array<float, -1, -1>;
 using Lines = Array<double, -1, 2, 3>;
@@ -121,12 +121,6 @@ Observations Observed(const MapView& view, std::vector<LandmarkId> Keyframe::*co
   }
   const std::size_t count = numbers.size() / 3;
   return ToArray<Observations>(std::move(numbers), {count, 3});
-}
-
-Floats2 Pixels(const std::vector<Keypoint>& keypoints) {
-  std::vector<float> numbers;
-  for (const Keypoint& p : keypoints) numbers.insert(numbers.end(), {p.x, p.y});
-  return ToArray<Floats2>(std::move(numbers), {keypoints.size(), 2});
 }
 
 Floats4 Segments(const std::vector<LineSegment>& lines) {
@@ -342,8 +336,7 @@ void BindMap(nb::module_& module) {
       "load",
       [](const fs::path& file) {
         nb::gil_scoped_release release;
-        return std::make_unique<MapView>(
-            ReadMap(fs::exists(file / "map.db") ? file / "map.db" : file));
+        return std::make_unique<MapView>(ReadMap(MapFilePath(file)));
       },
       "file"_a,
       "Reads a map file, or map.db of the folder that a run wrote; also one whose writer is still "
@@ -352,6 +345,9 @@ void BindMap(nb::module_& module) {
   BindArrays(map);
   map.def("keyframe", &KeyframeAt, "row"_a, nb::rv_policy::reference_internal,
           "The keyframe of a row of keyframe_ids. Raises IndexError.")
+      .def_prop_ro(
+          "largest_component", [](const MapView& v) { return LargestMapComponent(v.map()); },
+          "The component with the most keyframes, as in trajectory.tum; -1 of an empty map.")
       .def("__len__", [](const MapView& v) { return v.keyframes().size(); })
       .def_prop_ro(
           "calibration", [](const MapView& v) { return v.map().calibration; },
@@ -369,9 +365,7 @@ void BindMap(nb::module_& module) {
         std::string text;
         {
           nb::gil_scoped_release release;
-          text =
-              MapSummaryToJson(SummarizeMap(fs::exists(file / "map.db") ? file / "map.db" : file))
-                  .dump();
+          text = MapSummaryToJson(SummarizeMap(MapFilePath(file))).dump();
         }
         return ToPython(text);
       },

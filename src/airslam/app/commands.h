@@ -2,7 +2,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 #include <string>
 
 namespace airslam {
@@ -22,8 +21,5 @@ void AddCheckCalibCommand(CLI::App& app);
 void AddDoctorCommand(CLI::App& app);
 void AddTrainVocabularyCommand(CLI::App& app);
 void AddLocalizeCommand(CLI::App& app);
-
-// The map file that a user means: the file, or map.db of the folder that `airslam map` wrote.
-std::filesystem::path MapFilePath(const std::string& file_or_folder);
 
 }  // namespace airslam

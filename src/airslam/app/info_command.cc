@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <string>
 
 #include "airslam/app/commands.h"
+#include "airslam/map/map_file.h"
 #include "airslam/map/map_summary.h"
 
 namespace airslam {
-
-std::filesystem::path MapFilePath(const std::string& file_or_folder) {
-  const std::filesystem::path path = file_or_folder;
-  return std::filesystem::exists(path / "map.db") ? path / "map.db" : path;
-}
 
 void AddInfoCommand(CLI::App& app) {
   struct Arguments {

@@ -15,13 +15,14 @@
 #include <vector>
 
 #include "airslam/app/commands.h"
-#include "airslam/neural/make_matcher.h"
 #include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
 #include "airslam/common/options.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/map/keyframe_trajectory.h"
+#include "airslam/map/map_file.h"
+#include "airslam/neural/make_matcher.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"
 #include "airslam/relocalize/localizer.h"

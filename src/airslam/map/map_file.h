@@ -76,6 +76,9 @@ class MapWriter {
   std::unique_ptr<Impl> impl_;
 };
 
+// The map file that a user means: the file, or map.db of the folder that a run wrote.
+std::filesystem::path MapFilePath(const std::filesystem::path& file_or_folder);
+
 // Reads a whole map, also one whose writer was killed or is still at work, and also from a folder
 // that cannot be written. Throws Error with one sentence when the file does not exist, is not a
 // map, is truncated or damaged, or was written by a newer version. Descriptors are as precise as

@@ -430,6 +430,11 @@ void UpdateDigest(Sha256& sha, const SqliteStatement& row, int column) {
 
 }  // namespace
 
+fs::path MapFilePath(const fs::path& file_or_folder) {
+  const fs::path inside = file_or_folder / "map.db";
+  return fs::exists(inside) ? inside : file_or_folder;
+}
+
 Map ReadMap(const fs::path& file) {
   return ReadChecked(file, [](SqliteDatabase& database, std::int64_t version) {
     Map map;

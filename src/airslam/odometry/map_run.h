@@ -38,7 +38,6 @@ class MapRun {
   // or the folder cannot be written.
   MapRun(const StereoRig& rig, const MapRunRequest& request);
 
-  const StereoRig& rig() const { return rig_; }
   const StereoRectifier& rectifier() const { return rectifier_; }
   const OdometryOptions& options() const { return request_.options; }
   PipelineNetworks networks() {

@@ -38,9 +38,10 @@ MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& r
 // Runs stereo odometry over a sequence, with its IMU if it has one and the options allow it. Three
 // stages on three threads, joined by bounded queues: read and rectify | detect | track, with local
 // bundle adjustment and map writing beside them. A frame that cannot be read is skipped with a
-// warning. A sequence may still be recorded (LiveSequence). What a stage throws ends the run and is rethrown here. `recorder` and `observer` may be
-// empty. Once `stop` (if given) is true, no further frame is read: those under way are finished,
-// and the result is that of a sequence that ends there.
+// warning. A sequence may still be recorded (LiveSequence). What a stage throws ends the run and is
+// rethrown here. `recorder` and `observer` may be empty. Once `stop` (if given) is true, no further
+// frame is read: those under way are finished, and the result is that of a sequence that ends
+// there.
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
                            MapRecorder* recorder, const FrameObserver& observer, StageTimes& times,
