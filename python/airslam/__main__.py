@@ -25,11 +25,11 @@ def register(subparsers, command: str) -> None:
     try:
         module = importlib.import_module(f"airslam.{name}")
         parser = module.add_parser(subparsers)
-        parser.set_defaults(main=module.main)
+        parser.set_defaults(main=module.main, checks_arguments=True)
     except ImportError as error:
         parser = subparsers.add_parser(command, help=purpose, add_help=False)
         sentence = f"the command {command} is not available: {error}"
-        parser.set_defaults(main=lambda args: fail(sentence))
+        parser.set_defaults(main=lambda args: fail(sentence), checks_arguments=False)
 
 
 def fail(sentence: str) -> int:
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     for command in COMMANDS:
         register(subparsers, command)
     args, unknown = parser.parse_known_args(arguments)
-    if unknown and args.main.__name__ != "<lambda>":
+    if unknown and args.checks_arguments:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
         return args.main(args)

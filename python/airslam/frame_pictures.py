@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from .raw_images import RawCamera, left_images, raw_camera
+from .raw_images import RawCamera, bent, left_images, raw_camera
 from .results import Results
 
 IN_MAP_POINT, POINT, IN_MAP_LINE, LINE = "#27e0a0", "#ffffff", "#ff9d2e", "#ffe27a"
 LINE_SCORE = 0.4  # lines below are proposals that mapping does not use
-LINE_STEPS = 9    # a straight rectified line is slightly bent in the raw image
 
 
 @dataclass
@@ -29,6 +28,11 @@ class FramePicture:
     points_in_map: int
     lines: int
     lines_in_map: int
+
+
+def used_lines(keyframe: object) -> np.ndarray:
+    """(n,) bools: the lines of a keyframe that mapping uses."""
+    return np.asarray(keyframe.line_scores) >= LINE_SCORE
 
 
 def _jpeg(file: Path, quality: int = 82) -> tuple[str, tuple[int, int]]:
@@ -48,19 +52,15 @@ def _circles(pixels: np.ndarray, style: str) -> str:
 
 
 def _lines(segments: np.ndarray, camera: RawCamera, style: str) -> str:
-    share = np.linspace(0, 1, LINE_STEPS)[:, None]
-    parts = []
-    for x1, y1, x2, y2 in segments:
-        bent = camera.distort((1 - share) * (x1, y1) + share * (x2, y2))
-        parts.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in bent))
-    return f'<path d="{"".join(parts)}" {style}/>' if parts else ""
+    path = "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in strip) for strip in bent(segments, camera))
+    return f'<path d="{path}" {style}/>' if path else ""
 
 
 def _picture(file: Path, keyframe: object, camera: RawCamera) -> FramePicture:
     data, (width, height) = _jpeg(file)
     pixels = camera.distort(np.asarray(keyframe.keypoints, dtype=float))
     point_seen = np.asarray(keyframe.landmark_ids) >= 0
-    used = np.asarray(keyframe.line_scores) >= LINE_SCORE
+    used = used_lines(keyframe)
     segments = np.asarray(keyframe.lines, dtype=float)[used]
     ids = np.asarray(keyframe.line_landmark_ids)
     line_seen = ids[used] >= 0 if len(ids) == len(used) else np.zeros(len(segments), dtype=bool)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from . import Error, Map, Trajectory
-from .frame_pictures import LINE_SCORE
-from .results import align, largest_component
+from . import Error, Map, Trajectory, align
+from .frame_pictures import used_lines
+from .results import knows_gravity
 from .scene import ESTIMATE, KEYPOINT, LINE, MATCH, TRACK, TRACKED, TRUTH, Scene
 
 ALIGN_FROM = 10         # poses, before which the ground truth hangs on the first pose
@@ -48,7 +48,8 @@ class TruthFollower:
         """The 4 x 4 transform as known so far."""
         path = np.array(self._estimate)
         long_enough = len(path) >= ALIGN_FROM and np.ptp(path, axis=0).max() > ALIGN_DISTANCE
-        return align(np.array(self._truth), path) if long_enough else self._first
+        aligned = align(np.array(self._truth), path) if long_enough else None
+        return self._first if aligned is None else aligned
 
 
 class GrowingMap:
@@ -174,7 +175,7 @@ class LiveView:
             self._shown += 1
             self._at(time_ns)
             keyframe = content.keyframe(row)
-            lines = np.asarray(keyframe.lines)[np.asarray(keyframe.line_scores) >= LINE_SCORE]
+            lines = np.asarray(keyframe.lines)[used_lines(keyframe)]
             self._scene.strips("lines", lines.reshape(-1, 2, 2), LINE)
             self._scene.strips("matches", matches(content.keyframe(row - 1), keyframe) if row else [], MATCH, 0.5)
             if np.isfinite(content.gyroscope_biases[row]).all():
@@ -193,11 +194,11 @@ class LiveView:
         self._map.content = content = Map.load(result / "map.db")
         self._log_keyframes()
         self._at(max(self._frames))
-        upright = bool(np.isfinite(content.gyroscope_biases).all(axis=1).any())
+        upright = knows_gravity(content)
         self._scene.world(upright)
         estimate = Trajectory.load(result / "trajectory.tum")
         self._turn(estimate)
-        self._log_map(FINISHED, content, largest_component(content), 2 if upright else 1)
+        self._log_map(FINISHED, content, content.largest_component, 2 if upright else 1)
         self._scene.path(f"{FINISHED}/trajectory", estimate.world_from_body[:, :3, 3], ESTIMATE)
         if self._truth is None or not len(estimate):
             return

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.collections import LineCollection  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from .results import Comparison, Results, largest_component  # noqa: E402
+from .results import Comparison, Results  # noqa: E402
 
 ESTIMATE, TRUTH, ACCENT, SECOND, FAINT = "#d95f02", "#33404d", "#1b6ca8", "#7570b3", "#9aa5b1"
 STATE_COLORS = {"initialized": "#1a7f5a", "tracked": "#66b896", "inertial": "#7570b3", "lost": "#c0392b",
@@ -158,7 +158,7 @@ def _reach(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def map_figure(results: Results, comparison: Comparison | None) -> Figure:
     """Points and lines from above, coloured by height, with path and keyframes."""
-    content, component = results.map, largest_component(results.map)
+    content, component = results.map, results.map.largest_component
     move = np.eye(4) if comparison is None else comparison.truth_from_estimate
     to_world = lambda x: x @ move[:3, :3].T + move[:3, 3]  # noqa: E731
     points = to_world(content.landmarks[content.landmark_components == component])

@@ -55,6 +55,16 @@ class RawCamera:
         return np.column_stack([fx * x + cx, fy * y + cy])
 
 
+LINE_STEPS = 9  # a straight rectified line is slightly bent in the raw image
+
+
+def bent(segments: np.ndarray, camera: RawCamera | None) -> list[np.ndarray]:
+    """Segments n x 4 of the rectified image as strips of raw pixels; straight ones without a camera."""
+    share = np.linspace(0, 1, LINE_STEPS)[:, None]
+    strips = [(1 - share) * line[:2] + share * line[2:] for line in segments]
+    return strips if camera is None else [camera.distort(strip) for strip in strips]
+
+
 def _distort(model: str, c: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     r2 = x * x + y * y
     if model == "radial-tangential":

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from . import Error, Map, Trajectory
+from . import Error, Map, Trajectory, align, associate
 
 TRUTH_FILES = ("mav0/state_groundtruth_estimate0/data.csv", "mav0/mocap0/data.csv",
                "state_groundtruth_estimate0/data.csv", "poses.txt", "groundtruth.tum", "groundtruth.txt")
-MAX_TIME_DIFFERENCE_NS = 10_000_000  # of poses that are compared, as `airslam eval` does
 
 
 @dataclass
@@ -28,8 +27,13 @@ class Results:
     @property
     def dataset(self) -> Path | None:
         """The data set that the run read, if it still lies there."""
-        path = Path(self.report.get("dataset", ""))
-        return path if self.report.get("dataset") and path.is_dir() else None
+        return dataset_of(self.report)
+
+
+def dataset_of(report: dict) -> Path | None:
+    """The data set that the run of a report read, if it still lies there."""
+    path = Path(report.get("dataset", ""))
+    return path if report.get("dataset") and path.is_dir() else None
 
 
 def load_results(folder: Path) -> Results:
@@ -45,33 +49,16 @@ def load_results(folder: Path) -> Results:
         raise Error(f"{folder / 'report.json'} is no JSON: {error}") from None
 
 
+def knows_gravity(map_: Map, rows: np.ndarray | slice = slice(None)) -> bool:
+    """Whether z points up in the map: the IMU's biases, and with them gravity, became known at keyframes of `rows`."""
+    return bool(np.isfinite(map_.gyroscope_biases[rows]).all(axis=1).any())
+
+
 def find_truth(dataset: Path | None) -> Path | None:
     """The ground truth that lies in a data set, if any."""
     if dataset is None:
         return None
     return next((dataset / name for name in TRUTH_FILES if (dataset / name).exists()), None)
-
-
-def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """The 4 x 4 rigid transform that minimises |T source − target|² over points (n x 3)."""
-    mean_source, mean_target = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - mean_target).T @ (source - mean_source))
-    result = np.eye(4)
-    result[:3, :3] = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
-    result[:3, 3] = mean_target - result[:3, :3] @ mean_source
-    return result
-
-
-def _pairs(truth_ns: np.ndarray, estimate_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of poses of the same time: each of the shorter with the nearest of the longer trajectory."""
-    if len(truth_ns) < len(estimate_ns):
-        estimate_rows, truth_rows = _pairs(estimate_ns, truth_ns)
-        return truth_rows, estimate_rows
-    after = np.clip(np.searchsorted(truth_ns, estimate_ns), 1, len(truth_ns) - 1)
-    earlier = estimate_ns - truth_ns[after - 1] <= truth_ns[after] - estimate_ns
-    nearest = after - earlier
-    near = abs(truth_ns[nearest] - estimate_ns) <= MAX_TIME_DIFFERENCE_NS
-    return nearest[near], np.flatnonzero(near)
 
 
 @dataclass
@@ -92,24 +79,17 @@ class Comparison:
 
 
 def compare(truth: Trajectory, estimate: Trajectory) -> Comparison | None:
-    """Aligns by positions; None when fewer than three poses have ground truth."""
-    times = estimate.timestamps_ns
-    if len(truth.timestamps_ns) < 3 or len(times) < 3:
-        return None
-    truth_rows, rows = _pairs(truth.timestamps_ns, times)
+    """Aligns by positions; None when fewer than three poses have ground truth. Raises Error when they lie on a line."""
+    truth_rows, rows = associate(truth, estimate)
     if len(rows) < 3:
         return None
     expected, found = truth.world_from_body[truth_rows], estimate.world_from_body[rows]
     moved = align(found[:, :3, 3], expected[:, :3, 3])
+    if moved is None:
+        raise Error("the alignment is not determined: the poses with ground truth lie on one line")
     aligned = moved @ found
     # |A − B|_F = sqrt(8) sin(angle / 2) of two rotations.
     distance = np.linalg.norm(aligned[:, :3, :3] - expected[:, :3, :3], axis=(1, 2))
     angles = 2 * np.degrees(np.arcsin(np.clip(distance / np.sqrt(8), 0, 1)))
     errors = np.linalg.norm(aligned[:, :3, 3] - expected[:, :3, 3], axis=1)
-    return Comparison(times[rows], expected[:, :3, 3], aligned[:, :3, 3], errors, angles, moved)
-
-
-def largest_component(map_: Map) -> int:
-    """The component with most keyframes, as trajectory.tum holds it; −1 of an empty map."""
-    numbers, counts = np.unique(map_.components, return_counts=True)
-    return int(numbers[counts.argmax()]) if len(numbers) else -1
+    return Comparison(estimate.timestamps_ns[rows], expected[:, :3, 3], aligned[:, :3, 3], errors, angles, moved)

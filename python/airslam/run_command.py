@@ -88,6 +88,7 @@ def main(arguments: argparse.Namespace) -> int:
           f"{report['landmarks']} points, {report['lines']['landmarks']} lines, "
           f"{report['frames_per_second']:.1f} frames/s\nwritten: {arguments.out}")
     if arguments.save is not None:
-        print(f"written: {arguments.save} ({arguments.save.stat().st_size / 1e6:.1f} MB); open it with "
-              f"`rerun {arguments.save}`")
+        from .scene import written  # noqa: PLC0415
+
+        print(written(arguments.save))
     return 0

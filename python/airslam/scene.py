@@ -38,6 +38,11 @@ FRUSTUM_DEPTH = 0.25  # metres
 MISSING = "the viewer needs rerun, which is not installed: pip install '.[view]' (or rerun-sdk)"
 
 
+def written(recording: Path) -> str:
+    """What the user is told of a recording."""
+    return f"written: {recording} ({recording.stat().st_size / 1e6:.1f} MB); open it with `rerun {recording}`"
+
+
 def load_rerun() -> ModuleType:
     """The rerun package, or one sentence when it is missing."""
     try:

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from . import Error, Map, Trajectory
-from .frame_pictures import LINE_SCORE, LINE_STEPS
-from .raw_images import RawCamera, left_images, raw_camera
-from .results import compare, find_truth, largest_component
-from .scene import ESTIMATE, KEYPOINT, LINE, TRACKED, TRUTH, Scene
+from .frame_pictures import used_lines
+from .raw_images import RawCamera, bent, left_images, raw_camera
+from .results import compare, dataset_of, find_truth, knows_gravity
+from .scene import ESTIMATE, KEYPOINT, LINE, TRACKED, TRUTH, Scene, written
 
 MEDIA = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".png": "image/png"}
 
@@ -43,17 +43,16 @@ def load_view(path: Path) -> MapView:
     content = Map.load(file)
     if not len(content):
         raise Error(f"{file} holds no keyframe")
-    rows = np.flatnonzero(content.components == largest_component(content))
+    rows = np.flatnonzero(content.components == content.largest_component)
     report_file = path / "report.json"
     report = json.loads(report_file.read_text()) if path.is_dir() and report_file.exists() else {}
     trajectory = Trajectory.load(path / "trajectory.tum") if report else \
         Trajectory.from_arrays(content.timestamps_ns[rows], content.world_from_body[rows])
-    inertial = np.isfinite(content.gyroscope_biases[rows]).all(axis=1).any()
-    return MapView(content, rows, trajectory, report, bool(inertial))
+    return MapView(content, rows, trajectory, report, knows_gravity(content, rows))
 
 
 def _log_world(scene: Scene, view: MapView, truth: Path | None) -> None:
-    content, component = view.map, largest_component(view.map)
+    content, component = view.map, view.map.largest_component
     scene.world(view.upright)
     scene.map("world", content.landmarks[content.landmark_components == component],
               content.lines[content.line_components == component], view.up, static=True)
@@ -75,17 +74,15 @@ def _log_world(scene: Scene, view: MapView, truth: Path | None) -> None:
 
 def _log_keyframe(scene: Scene, keyframe: object, file: Path | None, camera: RawCamera | None) -> None:
     """A keyframe's image with what it saw, in the pixels of the image on disk."""
-    bend = camera.distort if camera is not None else lambda pixels: pixels
     if file is not None and file.suffix.lower() in MEDIA:
         scene.encoded_image(file.read_bytes(), MEDIA[file.suffix.lower()])
-    points = bend(np.asarray(keyframe.keypoints, dtype=float))
+    points = np.asarray(keyframe.keypoints, dtype=float)
+    if camera is not None:
+        points = camera.distort(points)
     seen = np.asarray(keyframe.landmark_ids) >= 0
     scene.pixels("keypoints", points[~seen], KEYPOINT, 1.6)
     scene.pixels("map", points[seen], TRACKED)
-    used = np.asarray(keyframe.line_scores) >= LINE_SCORE
-    share = np.linspace(0, 1, LINE_STEPS)[:, None]
-    scene.strips("lines", [bend((1 - share) * line[:2] + share * line[2:])
-                           for line in np.asarray(keyframe.lines, dtype=float)[used]], LINE)
+    scene.strips("lines", bent(np.asarray(keyframe.lines, dtype=float)[used_lines(keyframe)], camera), LINE)
     scene.scalar("tracked", int(seen.sum()))
 
 
@@ -111,8 +108,7 @@ def view_map(path: Path, *, truth: Path | None = None, dataset: Path | None = No
     view = load_view(path)
     if dataset is not None and not dataset.is_dir():
         raise Error(f"the data set {dataset} is no folder")
-    if dataset is None and view.report.get("dataset") and Path(view.report["dataset"]).is_dir():
-        dataset = Path(view.report["dataset"])
+    dataset = dataset or dataset_of(view.report)
     scene = Scene(path.name, save)
     scene.series_styles()
     _log_world(scene, view, truth or find_truth(dataset))
@@ -135,6 +131,5 @@ def main(arguments: argparse.Namespace) -> int:
     """Runs the command."""
     view_map(arguments.map, truth=arguments.truth, dataset=arguments.dataset, save=arguments.save)
     if arguments.save is not None:
-        print(f"written: {arguments.save} ({arguments.save.stat().st_size / 1e6:.1f} MB); open it with "
-              f"`rerun {arguments.save}`")
+        print(written(arguments.save))
     return 0

@@ -2,6 +2,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 
 #include <cstdint>
@@ -9,12 +10,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "airslam/common/error.h"
 #include "airslam/dataset/sequence.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/evaluate/error_json.h"
+#include "airslam/geometry/alignment.h"
 #include "src/arrays.h"
 #include "src/bindings.h"
 #include "src/json.h"
@@ -62,12 +65,52 @@ nb::object Evaluate(const nb::object& groundtruth, const nb::object& estimate,
   return ToPython(text);
 }
 
+using GivenPoints = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Rows = Array<std::int64_t, -1>;
+
+std::vector<Eigen::Vector3d> PointsOf(const GivenPoints& array) {
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t i = 0; i < array.shape(0); ++i) {
+    points.emplace_back(Eigen::Map<const Eigen::Vector3d>(array.data() + 3 * i));
+  }
+  return points;
+}
+
+std::optional<Matrix4Array> Align(const GivenPoints& source, const GivenPoints& target) {
+  const auto aligned = AlignPoints(PointsOf(source), PointsOf(target), false);
+  if (!aligned) return std::nullopt;
+  return ToArray(Rigid3(aligned->rotation, aligned->translation));
+}
+
+std::pair<Rows, Rows> Associate(const TrajectoryView& groundtruth, const TrajectoryView& estimate,
+                                double max_time_difference) {
+  std::vector<std::int64_t> of_truth, of_estimate;
+  for (const PosePair& pair :
+       AssociateByTime(groundtruth.poses(), estimate.poses(), max_time_difference)) {
+    of_truth.push_back(pair.groundtruth);
+    of_estimate.push_back(pair.estimate);
+  }
+  const std::size_t count = of_truth.size();
+  return {ToArray<Rows>(std::move(of_truth), {count}),
+          ToArray<Rows>(std::move(of_estimate), {count})};
+}
+
 }  // namespace
 
 void BindEvaluation(nb::module_& module) {
+  module.def("align", &Align, "source"_a, "target"_a,
+             "The rigid 4x4 target_from_source that minimises |T source - target|^2 over N x 3 "
+             "points; None when it is not determined (fewer than three, or on one line).",
+             nb::rv_policy::automatic);
+  module.def(
+      "associate", &Associate, "groundtruth"_a, "estimate"_a,
+      "max_time_difference"_a = EvaluationOptions().max_time_difference,
+      "Rows of poses of the same time in both trajectories, as evaluate compares them: each "
+      "of the shorter one with the nearest of the longer one, at most so many seconds away.");
   module.def(
       "evaluate", &Evaluate, "groundtruth"_a, "estimate"_a, nb::kw_only(), "alignment"_a = "se3",
-      "delta"_a = 1, "max_time_difference"_a = 0.01, "dataset"_a = nb::none(),
+      "delta"_a = 1, "max_time_difference"_a = EvaluationOptions().max_time_difference,
+      "dataset"_a = nb::none(),
       nb::sig(
           "def evaluate(groundtruth: Trajectory | str | os.PathLike, estimate: Trajectory | str | "
           "os.PathLike, *, alignment: str = 'se3', delta: int = 1, max_time_difference: float = "

@@ -117,6 +117,18 @@ def png(pixels: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
+def write_compressed(path: Path, kind: str, frames: int) -> Path:
+    """The first frames of the example sequence as the files that they are, with its IMU; returns the bag's path."""
+    left, right = asl_images("cam0", frames), asl_images("cam1", frames)
+    with BagWriter(path, kind) as bag:
+        for (time, file), (_, other) in zip(left, right):
+            bag.compressed("/left/compressed", time, file.read_bytes(), "jpeg")
+            bag.compressed("/right/compressed", time, other.read_bytes(), "jpeg")
+        for time, values in asl_imu(left[-1][0]):
+            bag.imu("/imu", time, values)
+    return bag.path
+
+
 def write_example(path: Path, kind: str, frames: int = 4, right_shift_ns: int = 0) -> Path:
     """The first frames of the example sequence, raw mono8, with its IMU; returns the bag's path."""
     with BagWriter(path, kind) as bag:

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from bag_writing import BagWriter, asl_images, asl_imu
+from bag_writing import write_compressed
 from mapped_example import mapped_example
 from recordings import Recorded
 from stand_ins import EXAMPLE, PROGRAM, write_asl
@@ -42,15 +42,9 @@ def test_a_recorded_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_a_bag_gives_the_result_of_its_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     frames = 12
     folder = write_asl(tmp_path / "asl", frames)
-    left, right = asl_images("cam0", frames), asl_images("cam1", frames)
-    with BagWriter(tmp_path / "recording", "ros1") as bag:
-        for (time, file), (_, other) in zip(left, right):
-            bag.compressed("/left/compressed", time, file.read_bytes(), "jpeg")
-            bag.compressed("/right/compressed", time, other.read_bytes(), "jpeg")
-        for time, values in asl_imu(left[-1][0]):
-            bag.imu("/imu", time, values)
+    bag = write_compressed(tmp_path / "recording", "ros1", frames)
     subprocess.run([PROGRAM, "map", folder, "--out", tmp_path / "expected"], check=True, capture_output=True)
-    assert main(["run", str(bag.path), "--calib", str(EXAMPLE), "--out", str(tmp_path / "results/a")]) == 0
+    assert main(["run", str(bag), "--calib", str(EXAMPLE), "--out", str(tmp_path / "results/a")]) == 0
     assert same_result(tmp_path / "results/a", tmp_path / "expected")
     assert [f.name for f in (tmp_path / "results").iterdir()] == ["a"]  # the converted folder is gone
     assert "guessed topics: left=/left/compressed" in capsys.readouterr().err
