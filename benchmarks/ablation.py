@@ -6,8 +6,7 @@
 
 One run says little: another number of keypoints alone changes the error of one sequence by up to a
 third. So each number is a pair of runs, and of all pairs of a sequence the geometric mean of
-ATE with lines / ATE without is taken (below 1: lines help). With few keypoints a place that has
-little texture is imitated.
+ATE with lines / ATE without is taken (below 1: lines help).
 """
 
 from __future__ import annotations

@@ -149,8 +149,7 @@ def markdown(results: dict[str, list[Run]], compare: bool) -> str:
             "frames/s", "CPU ms/frame", "peak MB", "keyframes"]
     if compare:
         head += ["ORB-SLAM3 (ATE)", "Basalt (ATE)"]
-    rows = [head, ["---"] * len(head)] + [table_row(runs, compare) for runs in results.values()]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    return records.markdown(head, [table_row(runs, compare) for runs in results.values()])
 
 
 def describe(about: dict, command: str, runs: int) -> str:

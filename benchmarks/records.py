@@ -44,6 +44,11 @@ def conditions() -> dict:
     }
 
 
+def markdown(head: list[str], rows: list[list[str]]) -> str:
+    """A markdown table, without a line break at its end."""
+    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows])
+
+
 def write(file: Path, about: dict, configuration: str, protocol: str, results: object) -> None:
     """Writes one record. configuration: options and model pack; protocol: how it was measured."""
     record = {

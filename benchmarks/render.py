@@ -47,8 +47,7 @@ Findings that explain the figures stand in [odometry](odometry.md), [the IMU](in
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+    return records.markdown(head, rows) + "\n"
 
 
 def provenance(record: dict) -> str:

@@ -157,11 +157,6 @@ def average(values: list[float | None]) -> float | None:
     return sum(known) / len(known) if known else None
 
 
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """A markdown table."""
-    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows])
-
-
 @dataclass
 class Table:
     """What a command gives: the table, its protocol, and the same for programs."""
@@ -203,7 +198,7 @@ def euroc(program: Program, options: argparse.Namespace) -> Table:
                  number(average([published.EUROC[r.name][1] for r in results])), "", ""])
     head = ["sequence", "frames", "coverage", "no loops [m]", "paper (AirVIO)", "loops [m]", "paper (AirSLAM)",
             "frames/s", "paper (RTX 4080)"]
-    return Table(markdown(head, rows), EUROC_PROTOCOL, [asdict(r) for r in results])
+    return Table(records.markdown(head, rows), EUROC_PROTOCOL, [asdict(r) for r in results])
 
 
 def _cells(result: Result) -> list[str]:
@@ -225,7 +220,7 @@ def with_failures(numbers: dict[str, float], limits: Limits, program: Program, o
     rows.append([f"average of {len(good)}", "", "", number(average([r.rmse for r in good])),
                  number(average([numbers[r.name] for r in good])), "", ""])
     head = ["sequence", "frames", "coverage", "RMSE [m]", "paper", "longest loss [s]", "frames/s"]
-    return Table(markdown(head, rows), FAILURE_PROTOCOL.format(lost=limits.lost_seconds, rmse=limits.rmse),
+    return Table(records.markdown(head, rows), FAILURE_PROTOCOL.format(lost=limits.lost_seconds, rmse=limits.rmse),
                  [asdict(r) for r in results])
 
 
@@ -269,7 +264,7 @@ def dark_euroc(program: Program, options: argparse.Namespace) -> Table:
     protocol = (f"{name}, every grey value V (0 to 1) replaced by A·V^(1/γ); A and γ are our choice (the paper's stand only "
                 f"in a figure). F: RMSE above 1 m, or no result. {EUROC_PROTOCOL} The paper states an average of "
                 f"{published.DARK_EUROC_AVERAGE} m for V2_01_easy.")
-    return Table(markdown(head, rows), protocol, [asdict(r) for r in results])
+    return Table(records.markdown(head, rows), protocol, [asdict(r) for r in results])
 
 
 def tartan_sequences(root: Path, scene: str, difficulty: str) -> dict[str, Path]:
@@ -357,7 +352,7 @@ def tartanair(program: Program, options: argparse.Namespace) -> Table:
                 f"3 m and 15° of any map image (every {options.every} of them), located one by one without a prior; 400 keypoints, 3 "
                 "candidates. Success: within 2 m and 15° of the truth, the map laid over it by SE(3) on its keyframes. "
                 f"Difficulty {options.difficulty}, where the folders say one.")
-    return Table(markdown(head, rows), protocol, results)
+    return Table(records.markdown(head, rows), protocol, results)
 
 
 COMMANDS = {"euroc": euroc, "dark-euroc": dark_euroc, "uma-vi": uma_vi, "oivio": oivio,
