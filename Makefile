@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
 # Each target does all of its own set-up on a bare Debian 12 and is incremental the second time.
-#   make build     the program, build/bin/airslam
+#   make build     the program, build/bin/airslam, and the Python package in build/python
 #   make test      build, then every test
 #   make demo      build, then map the example sequence, evaluate it and draw it
 #   make sanitize  every test under AddressSanitizer and UndefinedBehaviorSanitizer
@@ -30,10 +30,11 @@ setup:
 
 build: setup
 	@cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release >/dev/null
-	ninja -C build -j$(JOBS)
+	ninja -C build -j$(JOBS) airslam airslam_python_stub
 
 test: build
 	@scripts/setup.sh view
+	ninja -C build -j$(JOBS)
 	cd build && $(CTEST)
 
 demo: build
@@ -50,8 +51,9 @@ sanitize: setup
 tsan: setup
 	@export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
 	cmake -S . -B build-tsan -G Ninja $(CHECKED) -DAIRSLAM_SANITIZE=thread >/dev/null
-	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_odometry_test airslam_relocalize_test
-	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue|ManyThreads'
+	$(FIXED_LAYOUT) ninja -C build-tsan -j$(JOBS) airslam_common_test airslam_dataset_test \
+	  airslam_odometry_test airslam_relocalize_test
+	cd build-tsan && $(FIXED_LAYOUT) $(CTEST) --timeout 1800 -R '[Pp]ipeline|[Qq]ueue|LiveSequence|ManyThreads'
 
 fuzz: setup
 	@FUZZ_SECONDS=$(or $(SECONDS),60) JOBS=$(JOBS) scripts/fuzz.sh
