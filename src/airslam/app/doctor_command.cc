@@ -68,7 +68,7 @@ std::string CheckCpu() {
 #endif
   return fmt::format("{} cores; used: {}{}{}", cores,
                      int8   ? "int8 (VNNI)"
-                     : avx2 ? "AVX2, int8 without VNNI: about half as fast"
+                     : avx2 ? "AVX2, int8 without VNNI: networks take six times as long"
                             : "no AVX2: slow",
                      CpuHasBf16() ? ", bf16" : ", f32", avx2 ? ", AVX2" : "");
 }
