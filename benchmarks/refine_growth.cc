@@ -65,7 +65,7 @@ void Measure(int copies, const std::shared_ptr<const Vocabulary>& vocabulary) {
   const double before = KeyframeError(made.map, made.true_world_from_cam);
   NearestMatcher matcher({.min_cosine = 0.7F, .max_squared_ratio = 1.0F});
   const double query = QueryMilliseconds(made.map, vocabulary);
-  const RefineResult result = RefineMap({}, {&matcher, vocabulary}, made.map, true);
+  const RefineResult result = RefineMap({}, {&matcher, vocabulary}, made.map);
   std::string row = fmt::format("| {} | {} | {} | {} |", copies, made.map.keyframes.size(),
                                 made.map.landmarks.size(), result.loops.size());
   for (const auto& step : result.report["steps"]) {

@@ -23,7 +23,7 @@ TEST(RemoveLowQuality, KeepsWhatManySeeWhereItIs) {
                                 [] { return std::make_unique<RemoveLowQuality>(); });
   airslam::RefineOptions options;
   options.processors = "remove_low_quality";
-  const airslam::RefineResult result = airslam::RefineMap(options, {}, made.map, true);
+  const airslam::RefineResult result = airslam::RefineMap(options, {}, made.map);
 
   EXPECT_FALSE(made.map.landmarks.contains(displaced));
   const auto after = airslam::CollectObservations(made.map);

@@ -6,11 +6,11 @@
 
 #include "airslam/app/commands.h"
 #include "airslam/app/output_folder.h"
-#include "airslam/app/picture.h"
 #include "airslam/calibrate/calibration_check.h"
 #include "airslam/calibrate/epipolar_picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
+#include "airslam/dataset/image_file.h"
 #include "airslam/neural/make_matcher.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <limits>
 #include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
@@ -15,6 +14,8 @@
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
 #include "airslam/common/progress.h"
+#include "airslam/dataset/image_file.h"
+#include "airslam/neural/detect_image.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/plnet.h"
 
@@ -97,9 +98,7 @@ void RunDetect(const DetectArguments& arguments) {
   std::size_t keypoints = 0, lines = 0;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (i > 0) image = ReadGreyPicture(files[i].string());
-    DetectionRequest request(arguments.max_keypoints, true, 0.0F);
-    request.max_junctions = request.max_line_proposals = std::numeric_limits<int>::max();
-    const Detections found = plnet.Detect(image, cv::Mat(), request);
+    const Detections found = DetectImage(image, cv::Mat(), {arguments.max_keypoints}, plnet);
     const std::string name = files[i].stem().string();
     WriteText(out / (name + ".keypoints.csv"), KeypointTable(found.keypoints));
     WriteText(out / (name + ".lines.csv"), LineTable(found.lines));

@@ -1,57 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
-#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "airslam/app/commands.h"
-#include "airslam/common/error.h"
-#include "airslam/common/log.h"
-#include "airslam/map/colmap_export.h"
-#include "airslam/map/keyframe_trajectory.h"
-#include "airslam/map/map_file.h"
-#include "airslam/map/ply_export.h"
+#include "airslam/map/export_map.h"
 
 namespace airslam {
 namespace {
 
 struct ExportArguments {
   std::string map, tum, ply, colmap;
-  int component = -1;  // -1: the largest
+  std::optional<int> component;
 };
 
-// The component that was asked for, or the largest one.
-int ChooseComponent(const Map& map, const ExportArguments& arguments) {
-  const int largest = LargestMapComponent(map);
-  if (largest < 0) Fail("map {} holds no keyframe", arguments.map);
-  const int chosen = arguments.component >= 0 ? arguments.component : largest;
-  std::size_t others = 0;
-  for (const auto& [id, keyframe] : map.keyframes) others += keyframe.component != chosen;
-  if (others == map.keyframes.size()) Fail("map {} has no component {}", arguments.map, chosen);
-  if (others > 0 && arguments.component < 0) {
-    LogWarn("component {} is exported; {} keyframes of other components are not", chosen, others);
-  }
-  return chosen;
-}
-
 void RunExport(const ExportArguments& arguments) {
-  if (arguments.tum.empty() && arguments.ply.empty() && arguments.colmap.empty()) {
-    Fail("name what to write: --tum, --ply or --colmap");
-  }
-  const Map map = ReadMap(MapFilePath(arguments.map));
-  const int component = ChooseComponent(map, arguments);
-  if (!arguments.tum.empty()) {
-    WriteTum(arguments.tum, MapTrajectory(map, component));
-    std::printf("keyframes in %s\n", arguments.tum.c_str());
-  }
-  if (!arguments.ply.empty()) {
-    WritePly(map, component, arguments.ply);
-    std::printf("points in %s\n", arguments.ply.c_str());
-  }
-  if (!arguments.colmap.empty()) {
-    WriteColmap(map, component, arguments.colmap);
-    std::printf("COLMAP model in %s\n", arguments.colmap.c_str());
-  }
+  ExportMap({arguments.map, arguments.tum, arguments.ply, arguments.colmap, arguments.component});
+  if (!arguments.tum.empty()) std::printf("keyframes in %s\n", arguments.tum.c_str());
+  if (!arguments.ply.empty()) std::printf("points in %s\n", arguments.ply.c_str());
+  if (!arguments.colmap.empty()) std::printf("COLMAP model in %s\n", arguments.colmap.c_str());
 }
 
 }  // namespace

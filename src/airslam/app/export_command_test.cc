@@ -70,7 +70,7 @@ TEST(ExportCommand, SaysWhatIsWrongInOneSentence) {
     EXPECT_THAT(result.err, HasSubstr(word));
   };
   const std::string map = TestDataset::Get().result().string();
-  expect({"export", map}, "--tum");
+  expect({"export", map}, "what to write: tum, ply or colmap");
   expect({"export", "no.db", "--tum", "a.tum"}, "does not exist");
   expect({"export", map, "--ply", "a.ply", "--component", "7"}, "no component 7");
   expect({"export", map, "--ply", folder.path().string()}, "is a folder");

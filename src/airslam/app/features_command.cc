@@ -12,6 +12,7 @@
 #include "airslam/app/picture.h"
 #include "airslam/common/error.h"
 #include "airslam/common/log.h"
+#include "airslam/dataset/image_file.h"
 #include "airslam/neural/model_pack.h"
 #include "airslam/neural/nearest_matcher.h"
 #include "airslam/neural/plnet.h"

@@ -49,18 +49,4 @@ std::vector<fs::path> ListPictures(const std::string& input) {
   return files;
 }
 
-void WritePicture(const std::string& file, const cv::Mat& picture) {
-  bool written = false;
-  try {
-    written = cv::imwrite(file, picture);
-  } catch (const cv::Exception&) {  // an ending that names no picture format
-  }
-  if (!written) {
-    Fail(
-        "{}: the picture could not be written; the folder must exist and the name end in .png "
-        "or .jpg",
-        file);
-  }
-}
-
 }  // namespace airslam

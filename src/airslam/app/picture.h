@@ -16,7 +16,4 @@ cv::Mat ReadGreyPicture(const std::string& file);
 // pictures have). Throws Error for a folder without any.
 std::vector<std::filesystem::path> ListPictures(const std::string& input);
 
-// Writes a picture in the format that the file's ending names. Throws Error that names the file.
-void WritePicture(const std::string& file, const cv::Mat& picture);
-
 }  // namespace airslam

@@ -91,25 +91,35 @@ TEST(RefineCommand, SaysWhatIsWrongInOneSentence) {
   expect({InputMap(), "--out", "b.db", "--model", "nowhere"}, "nowhere");
 }
 
-// The same session twice: the second one is found in the first, keyframe by keyframe.
-TEST(MergeCommand, JoinsASecondSession) {
+// The same session again and again: it is found in the first one, keyframe by keyframe.
+TEST(MergeCommand, JoinsFurtherSessions) {
   const TemporaryFolder folder;
   const std::string before = ReadText(InputMap());
-  const ProgramResult result = RunProgram(
-      folder.path(), {"merge", InputMap(), InputMap(), "--out", "c.db", "--report", "r.json"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(ReadText(InputMap()), before);
-  const Map input = ReadMap(InputMap()), joined = ReadMap(folder.path() / "c.db");
-  ASSERT_EQ(joined.keyframes.size(), 2 * input.keyframes.size());
-  const auto offset = static_cast<KeyframeId>(input.keyframes.size());
-  for (const auto& [id, keyframe] : input.keyframes) {
-    const Keyframe& again = joined.keyframes.at(id + offset);
-    EXPECT_EQ(again.component, 0);
-    EXPECT_LT(
-        (again.world_from_cam.translation - joined.keyframes.at(id).world_from_cam.translation)
-            .norm(),
-        0.03);
+  for (int sessions = 2; sessions <= 3; ++sessions) {
+    std::vector<std::string> arguments = {"merge", "--out", "c.db", "--report", "r.json"};
+    arguments.insert(arguments.begin() + 1, static_cast<std::size_t>(sessions), InputMap());
+    const ProgramResult result = RunProgram(folder.path(), arguments);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(ReadText(InputMap()), before);
+    const Map input = ReadMap(InputMap()), joined = ReadMap(folder.path() / "c.db");
+    const std::size_t count = input.keyframes.size();
+    ASSERT_EQ(joined.keyframes.size(), sessions * count);
+    for (const auto& [id, keyframe] : joined.keyframes) {
+      EXPECT_EQ(keyframe.component, 0);
+      const Keyframe& original = joined.keyframes.at(id % static_cast<KeyframeId>(count));
+      EXPECT_LT((keyframe.world_from_cam.translation - original.world_from_cam.translation).norm(),
+                0.03);
+    }
+    const nlohmann::json report = nlohmann::json::parse(ReadText(folder.path() / "r.json"));
+    EXPECT_EQ(report["maps"].size(), static_cast<std::size_t>(sessions));
   }
+}
+
+TEST(MergeCommand, NeedsTwoMaps) {
+  const TemporaryFolder folder;
+  const ProgramResult result = RunProgram(folder.path(), {"merge", InputMap(), "--out", "c.db"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("2"));
 }
 
 TEST(MergeCommand, RefusesSessionsOfOtherPlaces) {

@@ -70,4 +70,18 @@ cv::Mat ToEightBit(const cv::Mat& grey, bool twelve_bit) {
   return result;
 }
 
+void WritePicture(const std::filesystem::path& file, const cv::Mat& picture) {
+  bool written = false;
+  try {
+    written = cv::imwrite(file.string(), picture);
+  } catch (const cv::Exception&) {  // an ending that names no picture format
+  }
+  if (!written) {
+    Fail(
+        "{}: the picture could not be written; the folder must exist and the name end in .png "
+        "or .jpg",
+        file.string());
+  }
+}
+
 }  // namespace airslam

@@ -15,4 +15,7 @@ cv::Mat DecodeGrey(const std::filesystem::path& file);
 // (cameras that store 12 bits unshifted). 8-bit images pass through.
 cv::Mat ToEightBit(const cv::Mat& grey, bool twelve_bit);
 
+// Writes a picture in the format that the file's ending names. Throws Error that names the file.
+void WritePicture(const std::filesystem::path& file, const cv::Mat& picture);
+
 }  // namespace airslam

@@ -54,7 +54,7 @@ TEST(AppendMap, RefiningJoinsTheSessionsInTheFirstWorld) {
   AppendMap(b.map, a.map, "a.db", "b.db");
   ASSERT_GT(KeyframeError(a.map, truth), 5);
   TestParts parts(a.map);
-  RefineMap({}, parts.parts(), a.map, true);
+  RefineMap({}, parts.parts(), a.map);
   for (const auto& [id, keyframe] : a.map.keyframes) EXPECT_EQ(keyframe.component, 0) << id;
   EXPECT_LT(KeyframeError(a.map, truth), 0.15);
 }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <fstream>
 
-#include "airslam/common/progress.h"
 #include "airslam/refine/map_tools.h"
 
 namespace airslam {
@@ -56,23 +55,22 @@ nlohmann::json DescribeErrors(const Map& map, const std::vector<Loop>& loops) {
 }
 
 // Runs one processor; what it reports, with its time and memory and the errors after it.
-nlohmann::json RunStep(const std::string& name, Map& map, RefineContext& context, bool quiet) {
+nlohmann::json RunStep(const std::string& name, Map& map, RefineContext& context,
+                       const RefineObserver& observer) {
   ResetMemoryPeak();
   context.report = nlohmann::json::object();
-  std::optional<Progress> line;
-  int last = 0;
-  std::string last_state = "done";
-  context.progress = [&](int done, int total, std::string_view state) {
-    if (quiet) return;
-    if (!line) line.emplace(name, total);
-    last = done;
-    last_state = state;
-    line->Update(done, state);
+  RefineProgress last{name};
+  std::string state;
+  context.progress = [&](int done, int total, std::string_view word) {
+    state = word;
+    last = {name, done, total, state};
+    if (observer) observer(last);
   };
   const auto start = std::chrono::steady_clock::now();
   MakeMapProcessor(name)->Process(map, context);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  if (line) line->Finish(last, last_state);
+  last.ended = true;
+  if (observer) observer(last);
   nlohmann::json step = context.report;
   step["name"] = name;
   step["seconds"] = seconds.count();
@@ -98,7 +96,7 @@ std::vector<OdometryEdge> CollectOdometry(const Map& map) {
 }
 
 RefineResult RefineMap(const RefineOptions& options, const RefineParts& parts, Map& map,
-                       bool quiet) {
+                       const RefineObserver& observer) {
   options.Validate();
   RefineContext context{options, parts.matcher, parts.vocabulary};
   context.odometry = CollectOdometry(map);
@@ -109,7 +107,7 @@ RefineResult RefineMap(const RefineOptions& options, const RefineParts& parts, M
   result.report["steps"] = nlohmann::json::array();
   double peak = 0;
   for (const std::string& name : options.ProcessorNames()) {
-    result.report["steps"].push_back(RunStep(name, map, context, quiet));
+    result.report["steps"].push_back(RunStep(name, map, context, observer));
     peak = std::max(peak, result.report["steps"].back()["memory_peak_mib"].get<double>());
   }
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;

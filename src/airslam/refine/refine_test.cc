@@ -14,7 +14,7 @@ TEST(Refine, ALoopTakesMostOfTheDriftAway) {
     SyntheticMap made = DriftingMap(drift);
     const double before = KeyframeError(made.map, made.true_world_from_cam);
     TestParts parts(made.map);
-    const RefineResult result = RefineMap({}, parts.parts(), made.map, true);
+    const RefineResult result = RefineMap({}, parts.parts(), made.map);
     const double after = KeyframeError(made.map, made.true_world_from_cam);
     EXPECT_GE(result.loops.size(), 5u);
     EXPECT_LT(after, 0.5 * before) << before << " m before";
@@ -28,7 +28,7 @@ TEST(Refine, TheReportNamesEveryStepInItsOrder) {
   TestParts parts(made.map);
   RefineOptions options;
   options.processors = "pose_graph,loop_closure , merge";
-  const RefineResult result = RefineMap(options, parts.parts(), made.map, true);
+  const RefineResult result = RefineMap(options, parts.parts(), made.map);
   ASSERT_EQ(result.report["steps"].size(), 3u);
   EXPECT_EQ(result.report["steps"][0]["name"], "pose_graph");
   EXPECT_EQ(result.report["steps"][0]["skipped"], "no loops");
@@ -43,11 +43,41 @@ TEST(Refine, TheReportNamesEveryStepInItsOrder) {
   EXPECT_FALSE(result.place.has_value());
 }
 
+TEST(Refine, TheObserverHearsOfEveryProcessorAndMayEndIt) {
+  SyntheticMap made = DriftingMap();
+  TestParts parts(made.map);
+  RefineOptions options;
+  options.processors = "loop_closure, merge, pose_graph, global_bundle";
+  std::vector<std::string> ended;
+  std::map<std::string, int> words;
+  RefineMap(options, parts.parts(), made.map, [&](const RefineProgress& progress) {
+    const std::string name(progress.processor);
+    EXPECT_LE(progress.done, progress.total);
+    if (progress.ended) {
+      ended.push_back(name);
+    } else {
+      ++words[name];
+    }
+  });
+  EXPECT_EQ(ended, options.ProcessorNames());
+  EXPECT_EQ(words["loop_closure"], 25);
+  for (const std::string& name : ended) EXPECT_GE(words[name], 1) << name;
+  for (const std::string& name : ended) {
+    SyntheticMap again = DriftingMap();
+    EXPECT_THROW(RefineMap(options, parts.parts(), again.map,
+                           [&](const RefineProgress& progress) {
+                             if (progress.processor == name && !progress.ended) Fail("enough");
+                           }),
+                 Error)
+        << name;
+  }
+}
+
 TEST(Refine, RepeatsBitByBit) {
   SyntheticMap a = DriftingMap(), b = DriftingMap();
   TestParts parts(a.map);
-  RefineMap({}, parts.parts(), a.map, true);
-  RefineMap({}, parts.parts(), b.map, true);
+  RefineMap({}, parts.parts(), a.map);
+  RefineMap({}, parts.parts(), b.map);
   ASSERT_EQ(a.map.landmarks.size(), b.map.landmarks.size());
   for (const auto& [id, keyframe] : a.map.keyframes) {
     EXPECT_EQ(keyframe.world_from_cam.translation,
@@ -59,9 +89,9 @@ TEST(Refine, RepeatsBitByBit) {
 TEST(Refine, ASecondTimeFindsNothingNewAndMakesItNoWorse) {
   SyntheticMap made = DriftingMap();
   TestParts parts(made.map);
-  RefineMap({}, parts.parts(), made.map, true);
+  RefineMap({}, parts.parts(), made.map);
   const double once = KeyframeError(made.map, made.true_world_from_cam);
-  const RefineResult again = RefineMap({}, parts.parts(), made.map, true);
+  const RefineResult again = RefineMap({}, parts.parts(), made.map);
   EXPECT_LT(KeyframeError(made.map, made.true_world_from_cam), once + 0.005);
   EXPECT_LE(again.loops.size(), 3u);
 }
@@ -80,7 +110,7 @@ TEST(Refine, RunsAProcessorThatAUserAdds) {
   const Eigen::Vector3d before = made.map.landmarks.at(7).point_in_world;
   RefineOptions options;
   options.processors = "test_shift";
-  const RefineResult result = RefineMap(options, {}, made.map, true);
+  const RefineResult result = RefineMap(options, {}, made.map);
   EXPECT_EQ(result.report["steps"][0]["shifted"], made.map.landmarks.size());
   EXPECT_EQ(made.map.landmarks.at(7).point_in_world, before + Eigen::Vector3d::UnitX());
 }
@@ -90,7 +120,7 @@ TEST(Refine, AnUnknownProcessorIsNamedBeforeAnythingIsDone) {
   RefineOptions options;
   options.processors = "loop_closure, loop_clousure";
   try {
-    RefineMap(options, {}, made.map, true);
+    RefineMap(options, {}, made.map);
     FAIL();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("loop_clousure"), std::string::npos) << error.what();
