@@ -14,9 +14,15 @@
 namespace airslam {
 namespace {
 
-std::string Place(const std::string& file, const YAML::Mark& mark) {
-  return mark.is_null() ? file : fmt::format("{}:{}", file, mark.line + 1);
-}
+// What sentences about options begin with: where they stand.
+struct Source {
+  std::string name;       // a file, or what stands in for one
+  bool has_lines = true;  // and its lines can be told
+
+  std::string At(const YAML::Mark& mark) const {
+    return mark.is_null() || !has_lines ? name : fmt::format("{}:{}", name, mark.line + 1);
+  }
+};
 
 // Levenshtein distance: how many single letters to insert, delete or change.
 int EditDistance(std::string_view a, std::string_view b) {
@@ -94,20 +100,34 @@ std::optional<T> Parse(const YAML::Node& node) {
 
 class Reader {
  public:
-  Reader(std::string file, std::span<const OptionBinding> bindings)
-      : file_(std::move(file)), bindings_(bindings) {}
+  Reader(Source source, std::span<const OptionBinding> bindings)
+      : source_(std::move(source)), bindings_(bindings) {}
 
+  // `load` makes the text's root; Error when it is no valid YAML.
+  template <class Load>
+  void Read(Load&& load) {
+    YAML::Node root;
+    try {
+      root = load();
+    } catch (const YAML::ParserException& error) {
+      Fail("{}: not valid YAML: {}", source_.At(error.mark), error.msg);
+    }
+    if (root.IsNull()) return;
+    if (!root.IsMap()) Fail("{}: a configuration must hold 'name: value' lines", source_.name);
+    ReadMap(root, "");
+  }
+
+ private:
   void ReadMap(const YAML::Node& map, const std::string& prefix) {
     for (const auto& entry : map) {
       const std::string name = prefix + entry.first.Scalar();
       if (!seen_.insert(name).second) {
-        Fail("{}: option '{}' is given twice", Place(file_, entry.first.Mark()), name);
+        Fail("{}: option '{}' is given twice", source_.At(entry.first.Mark()), name);
       }
       ReadEntry(entry.first, entry.second, name);
     }
   }
 
- private:
   void ReadEntry(const YAML::Node& key, const YAML::Node& value, const std::string& name) {
     for (const OptionBinding& binding : bindings_) {
       if (binding.name == name) return ReadField(value, binding);
@@ -117,13 +137,13 @@ class Reader {
       return binding.name.starts_with(prefix);
     });
     if (!is_group) {
-      Fail("{}: unknown option '{}'; the nearest known one is '{}'", Place(file_, key.Mark()), name,
+      Fail("{}: unknown option '{}'; the nearest known one is '{}'", source_.At(key.Mark()), name,
            NearestName(name, bindings_));
     }
     if (value.IsNull()) return;
     if (!value.IsMap()) {
       Fail("{}: '{}' is a group of options and must hold 'name: value' lines",
-           Place(file_, value.Mark()), name);
+           source_.At(value.Mark()), name);
     }
     ReadMap(value, prefix);
   }
@@ -133,15 +153,15 @@ class Reader {
         [&]<class T>(T* target) {
           const std::optional<T> value = Parse<T>(node);
           if (!value) {
-            Fail("{}: option '{}' must be {}, but is '{}'", Place(file_, node.Mark()), binding.name,
-                 kExpected<T>, YAML::Dump(node));
+            Fail("{}: option '{}' must be {}, but is '{}'", source_.At(node.Mark()), binding.name,
+                 kExpected<T>, node.IsScalar() ? node.Scalar() : YAML::Dump(node));
           }
           *target = *value;
         },
         binding.value);
   }
 
-  std::string file_;
+  Source source_;
   std::span<const OptionBinding> bindings_;
   std::set<std::string> seen_;
 };
@@ -213,17 +233,18 @@ std::string WriteYaml(std::span<const OptionBinding> bindings, bool with_comment
 
 void ReadOptions(const std::filesystem::path& yaml_file, std::span<const OptionBinding> bindings) {
   const std::string file = yaml_file.string();
-  YAML::Node root;
-  try {
-    root = YAML::LoadFile(file);
-  } catch (const YAML::BadFile&) {
-    Fail("{}: the configuration file cannot be read", file);
-  } catch (const YAML::ParserException& error) {
-    Fail("{}: not valid YAML: {}", Place(file, error.mark), error.msg);
-  }
-  if (root.IsNull()) return;
-  if (!root.IsMap()) Fail("{}: a configuration must hold 'name: value' lines", file);
-  Reader(file, bindings).ReadMap(root, "");
+  Reader({file}, bindings).Read([&] {
+    try {
+      return YAML::LoadFile(file);
+    } catch (const YAML::BadFile&) {
+      Fail("{}: the configuration file cannot be read", file);
+    }
+  });
+}
+
+void ReadOptionsText(const std::string& yaml, const std::string& name,
+                     std::span<const OptionBinding> bindings) {
+  Reader({name, false}, bindings).Read([&] { return YAML::Load(yaml); });
 }
 
 void RequireRanges(std::span<const OptionBinding> bindings) {

@@ -109,6 +109,11 @@ void RequireRanges(Options options) {
 // twice, or a value has the wrong type (naming the field and what was expected).
 void ReadOptions(const std::filesystem::path& yaml_file, std::span<const OptionBinding> bindings);
 
+// The same from YAML text on one line (JSON is such text) that stands in no file: `name` takes the
+// place of "file:line" in the sentences.
+void ReadOptionsText(const std::string& yaml, const std::string& name,
+                     std::span<const OptionBinding> bindings);
+
 // YAML text of all fields; ReadOptions of it gives the same values, bit for bit.
 std::string WriteOptions(std::span<const OptionBinding> bindings);
 
@@ -118,15 +123,28 @@ std::string DescribeOptions(std::span<const OptionBinding> bindings);
 // The same as Markdown tables, one a group.
 std::string TabulateOptions(std::span<const OptionBinding> bindings);
 
-// ReadOptions, then options.Validate(), whose Error is preceded by the file's name.
+// options.Validate(), whose Error is preceded by `name`.
 template <class Options>
-void LoadOptions(const std::filesystem::path& yaml_file, Options& options) {
-  ReadOptions(yaml_file, CollectOptions(options));
+void ValidateOptions(const std::string& name, const Options& options) {
   try {
     options.Validate();
   } catch (const Error& error) {
-    Fail("{}: {}", yaml_file.string(), error.what());
+    Fail("{}: {}", name, error.what());
   }
+}
+
+// ReadOptions, then ValidateOptions with the file's name.
+template <class Options>
+void LoadOptions(const std::filesystem::path& yaml_file, Options& options) {
+  ReadOptions(yaml_file, CollectOptions(options));
+  ValidateOptions(yaml_file.string(), options);
+}
+
+// ReadOptionsText, then ValidateOptions.
+template <class Options>
+void LoadOptionsText(const std::string& yaml, const std::string& name, Options& options) {
+  ReadOptionsText(yaml, name, CollectOptions(options));
+  ValidateOptions(name, options);
 }
 
 // The effective values as YAML text, for reports and logs.

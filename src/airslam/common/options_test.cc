@@ -108,6 +108,33 @@ TEST_F(OptionsTest, WrongTypeNamesFieldAndExpectation) {
   EXPECT_THAT(ErrorOf("tracking: 3\n"), HasSubstr("'tracking' is a group of options"));
 }
 
+TEST_F(OptionsTest, TextIsReadLikeAFile) {
+  RunOptions options;
+  const auto error_of = [&](const std::string& text) -> std::string {
+    try {
+      LoadOptionsText(text, "config", options);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(
+      error_of(R"({"pack": "night", "tracking": {"parallax_ratio": 1e-1}, "threshold": 0.3})"), "");
+  EXPECT_EQ(options.pack, "night");
+  EXPECT_EQ(options.threshold, 0.3F);
+  EXPECT_EQ(options.tracking.parallax_ratio, 0.1);
+  EXPECT_EQ(error_of("{}"), "");
+  EXPECT_EQ(error_of(R"({"tracking": {"max_keypoint": 4}})"),
+            "config: unknown option 'tracking.max_keypoint'; the nearest known one is "
+            "'tracking.max_keypoints'");
+  EXPECT_EQ(error_of(R"({"threshold": null})"),
+            "config: option 'threshold' must be a number, but is '~'");
+  EXPECT_EQ(error_of(R"({"tracking": {"max_keypoints": -3}})"),
+            "config: option tracking.max_keypoints is -3, which is not in the range 1 to 4096");
+  EXPECT_THAT(error_of("[1]"), HasSubstr("config: a configuration must hold"));
+  EXPECT_THAT(error_of("{"), HasSubstr("config: not valid YAML"));
+}
+
 TEST_F(OptionsTest, RepeatedKeyIsAnError) {
   EXPECT_EQ(ErrorOf("pack: a\npack: b\n"), ":2: option 'pack' is given twice");
 }
