@@ -13,6 +13,8 @@ try:
     from airslam._core import (
         Calibration,
         Camera,
+        Detections,
+        Detector,
         Error,
         Frame,
         ImuNoise,
@@ -28,7 +30,10 @@ try:
         align,
         associate,
         evaluate,
+        export,
         info,
+        merge,
+        refine,
         run,
         set_quiet,
     )
@@ -38,12 +43,14 @@ except ImportError as error:
     raise ImportError(
         f"airslam lacks a library of the system ({str(error).split(':')[0]}): install Debian's libceres3 "
         "libopencv-core406 libopencv-imgcodecs406 libopencv-calib3d406 libyaml-cpp0.7 libspdlog1.10 "
-        "libsqlite3-0 and PyPI's openvino==2026.4.1"
+        "libsqlite3-0 libssl3 and PyPI's openvino==2026.4.1"
     ) from error
 
 __all__ = [
     "Calibration",
     "Camera",
+    "Detections",
+    "Detector",
     "Error",
     "Frame",
     "ImuNoise",
@@ -58,8 +65,11 @@ __all__ = [
     "align",
     "associate",
     "evaluate",
+    "export",
     "info",
+    "merge",
     "program",
+    "refine",
     "run",
     "set_quiet",
 ]

@@ -16,7 +16,6 @@ from .scene import ESTIMATE, KEYPOINT, LINE, MATCH, TRACK, TRACKED, TRUTH, Scene
 ALIGN_FROM = 10         # poses, before which the ground truth hangs on the first pose
 ALIGN_DISTANCE = 0.3    # metres of path, likewise
 MAP_SHARE = 0.1         # of the time may go into reading the growing map
-RECENT_KEYFRAMES = 5    # whose points are shown in the image
 # While the run goes on its world is that of its first body; what has been shown is turned upright at the end.
 GOING_ON, FINISHED = "world/run", "world"
 
@@ -72,22 +71,6 @@ class GrowingMap:
         self._next = time.monotonic() + (time.monotonic() - begin) / MAP_SHARE
         return len(self.content) > 0
 
-    def project(self, world_from_body: np.ndarray) -> dict[int, np.ndarray]:
-        """Where a body at this pose sees the points of the latest keyframes: id of a point to its pixel."""
-        content = self.content
-        if content is None or not len(content):
-            return {}
-        observed = content.observations
-        rows = np.unique(observed[observed[:, 0] >= len(content) - RECENT_KEYFRAMES, 2])
-        camera_from_world = np.linalg.inv(world_from_body @ content.calibration.body_from_camera)
-        points = content.landmarks[rows] @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
-        ahead = points[:, 2] > 0.1
-        pixels = points[ahead] @ content.calibration.camera_matrix.T
-        pixels = pixels[:, :2] / pixels[:, 2:]
-        inside = ((pixels >= 0) & (pixels < content.calibration.image_size)).all(axis=1)
-        ids = content.landmark_ids[rows[ahead][inside]]
-        return dict(zip(ids.tolist(), pixels[inside]))
-
 
 class LiveView:
     """Called with every frame of a run; `partial` is the map file that grows meanwhile."""
@@ -98,9 +81,9 @@ class LiveView:
         self._truth = TruthFollower(truth) if truth is not None else None
         self._path: list[np.ndarray] = []
         self._poses: dict[int, np.ndarray] = {}  # as first estimated, by time
-        self._expected: dict[int, np.ndarray] = {}
-        self._frames: dict[int, int] = {}  # time: index of each frame
-        self._shown = 0                    # keyframes whose features have been logged
+        self._tracked: dict[int, np.ndarray] = {}  # pixels of the last frame's landmarks, by id
+        self._keyframe: object = None              # the last one
+        self._frames: dict[int, int] = {}          # time: index of each frame
         scene.world(upright=False)
         scene.series_styles()
 
@@ -113,9 +96,10 @@ class LiveView:
         self._scene.scalar("tracked", frame.tracked_points)
         for stage, milliseconds in frame.stage_ms.items():
             self._scene.scalar(f"stages/{stage.replace(' ', '_')}", milliseconds)
+        if frame.gyroscope_bias is not None:
+            self._scene.bias(frame.gyroscope_bias, frame.accelerometer_bias)
         if frame.is_keyframe and self._map.refresh():
             self._log_map(GOING_ON, self._map.content, frame.component)
-            self._log_keyframes()
 
     def _at(self, time_ns: int) -> None:
         start = next(iter(self._frames))
@@ -126,20 +110,23 @@ class LiveView:
             return
         self._scene.image(frame.left)
         self._scene.pixels("keypoints", frame.keypoints, KEYPOINT, 1.6)
-        before, self._expected = self._expected, {}
-        if frame.world_from_body is not None:
-            self._expected = self._map.project(frame.world_from_body)
-        self._scene.pixels("map", np.array(list(self._expected.values())).reshape(-1, 2), TRACKED)
-        self._scene.strips("motion", [np.array([before[key], pixel]) for key, pixel in self._expected.items()
+        before, self._tracked = self._tracked, dict(zip(frame.tracked_ids.tolist(), frame.tracked_pixels))
+        self._scene.pixels("map", frame.tracked_pixels, TRACKED)
+        self._scene.strips("motion", [np.array([before[key], pixel]) for key, pixel in self._tracked.items()
                                       if key in before], TRACK)
-        for name in ("lines", "matches"):  # of a keyframe: not of the frames after it
-            self._scene.strips(name, [], LINE)
+        lines, matched, keyframe = [], [], frame.keyframe
+        if keyframe is not None:
+            lines = np.asarray(keyframe.lines)[used_lines(keyframe)].reshape(-1, 2, 2)
+            matched = matches(self._keyframe, keyframe) if self._keyframe is not None else []
+            self._keyframe = keyframe
+        self._scene.strips("lines", lines, LINE)  # of a keyframe: not of the frames after it
+        self._scene.strips("matches", matched, MATCH, 0.5)
 
     def _pose(self, frame: object) -> None:
         if frame.world_from_body is None:
             return
         if frame.state == "initialized" and self._path:  # a new component shares no world with the last
-            self._path, self._expected = [], {}
+            self._path = []
             if self._truth is not None:
                 self._truth.restart()
         self._poses[frame.timestamp_ns] = frame.world_from_body
@@ -165,22 +152,6 @@ class LiveView:
         self._scene.keyframes(f"{world}/keyframes", content.world_from_camera[rows],
                               content.calibration.camera_matrix, content.calibration.image_size)
 
-    def _log_keyframes(self) -> None:
-        """Lines, matches with the keyframe before, and biases of keyframes that the map file has now, at their times."""
-        content = self._map.content
-        while self._shown < len(content):
-            row, time_ns = self._shown, int(content.timestamps_ns[self._shown])
-            if time_ns not in self._frames:  # its frame comes next
-                return
-            self._shown += 1
-            self._at(time_ns)
-            keyframe = content.keyframe(row)
-            lines = np.asarray(keyframe.lines)[used_lines(keyframe)]
-            self._scene.strips("lines", lines.reshape(-1, 2, 2), LINE)
-            self._scene.strips("matches", matches(content.keyframe(row - 1), keyframe) if row else [], MATCH, 0.5)
-            if np.isfinite(content.gyroscope_biases[row]).all():
-                self._scene.bias(content.gyroscope_biases[row], content.accelerometer_biases[row])
-
     def _turn(self, estimate: Trajectory) -> None:
         """Takes away what was shown while the run went on, and lays it into the final world for times before."""
         self._scene.clear(GOING_ON)
@@ -191,8 +162,7 @@ class LiveView:
 
     def finish(self, result: Path) -> None:
         """Logs the final map and trajectory, with z up where gravity became known, and the final alignment."""
-        self._map.content = content = Map.load(result / "map.db")
-        self._log_keyframes()
+        content = Map.load(result / "map.db")
         self._at(max(self._frames))
         upright = knows_gravity(content)
         self._scene.world(upright)

@@ -49,4 +49,12 @@ inline PixelArray Pixels(const std::vector<Keypoint>& keypoints) {
   return ToArray<PixelArray>(std::move(numbers), {keypoints.size(), 2});
 }
 
+using FloatRows = Array<float, -1, -1>;
+
+inline FloatRows Rows(const DescriptorMatrix& matrix) {
+  return ToArray<FloatRows>(
+      std::vector<float>(matrix.data(), matrix.data() + matrix.size()),
+      {static_cast<std::size_t>(matrix.rows()), static_cast<std::size_t>(matrix.cols())});
+}
+
 }  // namespace airslam::python

@@ -15,6 +15,8 @@ void BindTrajectory(nanobind::module_& module);
 void BindFrame(nanobind::module_& module);
 void BindMap(nanobind::module_& module);
 void BindOdometry(nanobind::module_& module);
+void BindRefinement(nanobind::module_& module);
+void BindDetection(nanobind::module_& module);
 void BindLocalization(nanobind::module_& module);
 void BindEvaluation(nanobind::module_& module);
 

@@ -5,6 +5,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 
 #include "airslam/odometry/report.h"
@@ -25,10 +26,82 @@ std::optional<Image> ToImage(const cv::Mat& image) {
                {static_cast<std::size_t>(kept->rows), static_cast<std::size_t>(kept->cols)}, owner);
 }
 
+using Vector3 = Array<double, 3>;
+
+// A vector of the IMU's part; nothing where that is not known.
+template <typename F>
+std::optional<Vector3> InertialVector(const Frame& frame, F&& vector) {
+  if (!frame.inertial) return std::nullopt;
+  const Eigen::Vector3d& v = vector(*frame.inertial);
+  return ToArray<Vector3>(std::vector<double>(v.data(), v.data() + 3), {3});
+}
+
+void BindTracked(nb::class_<Frame>& frame) {
+  frame
+      .def_prop_ro(
+          "tracked_pixels",
+          [](const Frame& f) {
+            std::vector<double> numbers;
+            for (const TrackedPoint& p : f.points) {
+              numbers.insert(numbers.end(), {p.pixel.x(), p.pixel.y()});
+            }
+            return ToArray<Array<double, -1, 2>>(std::move(numbers), {f.points.size(), 2});
+          },
+          "N x 2 float64: where the left image shows the landmarks that hold the frame's pose.",
+          nb::rv_policy::automatic)
+      .def_prop_ro(
+          "tracked_ids",
+          [](const Frame& f) {
+            std::vector<std::int64_t> ids;
+            for (const TrackedPoint& p : f.points) ids.push_back(p.landmark);
+            return ToArray<Array<std::int64_t, -1>>(std::move(ids), {f.points.size()});
+          },
+          "N int64: the ids of these landmarks, those of the map. Bundle adjustment may drop one "
+          "as an outlier later.",
+          nb::rv_policy::automatic)
+      .def_prop_ro(
+          "keyframe", [](const Frame& f) { return f.keyframe; },
+          "The Keyframe that it became, with its lines and landmarks as they were made, before any "
+          "bundle adjustment; None where it became none.",
+          nb::sig("def keyframe(self) -> Keyframe | None"));
+}
+
+void BindInertial(nb::class_<Frame>& frame) {
+  frame
+      .def_prop_ro(
+          "velocity",
+          [](const Frame& f) {
+            return InertialVector(f, [](const auto& i) { return i.velocity_in_world; });
+          },
+          "3 float64, m/s: of the body, in the world of world_from_body. This and what follows is "
+          "None until the IMU is initialised, and where the frame has no pose.",
+          nb::rv_policy::automatic)
+      .def_prop_ro(
+          "gyroscope_bias",
+          [](const Frame& f) {
+            return InertialVector(f, [](const auto& i) { return i.bias.gyroscope; });
+          },
+          "3 float64, rad/s; or None.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "accelerometer_bias",
+          [](const Frame& f) {
+            return InertialVector(f, [](const auto& i) { return i.bias.accelerometer; });
+          },
+          "3 float64, m/s^2; or None.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "gravity",
+          [](const Frame& f) {
+            return InertialVector(f, [](const auto& i) { return i.gravity_in_world; });
+          },
+          "3 float64, m/s^2, downwards in the world of world_from_body; or None.",
+          nb::rv_policy::automatic);
+}
+
 }  // namespace
 
-Frame MakeFrame(const PreparedFrame& prepared, const FrameRecord& record,
-                const Rigid3& body_from_cam) {
+Frame MakeFrame(const FrameObservation& seen, const Rigid3& body_from_cam) {
+  const PreparedFrame& prepared = seen.prepared;
+  const FrameRecord& record = seen.record;
   Frame frame;
   frame.index = prepared.index;
   frame.timestamp_ns = record.timestamp_ns;
@@ -43,12 +116,18 @@ Frame MakeFrame(const PreparedFrame& prepared, const FrameRecord& record,
   frame.milliseconds = record.milliseconds;
   frame.left = prepared.left;
   frame.keypoints = prepared.features.keypoints;
+  frame.points.assign(seen.points.begin(), seen.points.end());
+  if (seen.keyframe != nullptr) frame.keyframe = std::make_shared<Keyframe>(*seen.keyframe);
+  frame.inertial = seen.inertial;
   return frame;
 }
 
 void BindFrame(nb::module_& module) {
-  nb::class_<Frame>(module, "Frame", "What a run knows of a frame as soon as it has been tracked.")
-      .def_ro("index", &Frame::index, "Running number of the frame.")
+  nb::class_<Frame> frame(module, "Frame",
+                          "What a run knows of a frame as soon as it has been tracked.");
+  BindTracked(frame);
+  BindInertial(frame);
+  frame.def_ro("index", &Frame::index, "Running number of the frame.")
       .def_ro("timestamp_ns", &Frame::timestamp_ns, "Nanoseconds.")
       .def_ro(
           "state", &Frame::state,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -26,11 +27,13 @@ struct Frame {
   double milliseconds = 0;
   cv::Mat left;  // rectified, shared with the pipeline and not written to
   std::vector<Keypoint> keypoints;
+  std::vector<TrackedPoint> points;
+  std::shared_ptr<Keyframe> keyframe;  // null where it became none
+  std::optional<InertialEstimate> inertial;
   std::map<std::string, double> stage_ms;
 };
 
 // body_from_cam: of the rectified left camera.
-Frame MakeFrame(const PreparedFrame& prepared, const FrameRecord& record,
-                const Rigid3& body_from_cam);
+Frame MakeFrame(const FrameObservation& seen, const Rigid3& body_from_cam);
 
 }  // namespace airslam::python

@@ -20,6 +20,7 @@
 #include "airslam/relocalize/localizer.h"
 #include "src/arrays.h"
 #include "src/bindings.h"
+#include "src/config.h"
 #include "src/images.h"
 
 namespace airslam::python {
@@ -28,10 +29,13 @@ namespace {
 namespace fs = std::filesystem;
 using nb::literals::operator""_a;
 
-LocalizationOptions OptionsFrom(int candidates, bool structure_graph) {
+// The configuration's options, then those that are given by themselves, as in the program.
+LocalizationOptions OptionsFrom(const Config& config, const std::optional<int>& candidates,
+                                const std::optional<bool>& structure_graph) {
   LocalizationOptions options;
-  options.candidates = candidates;
-  options.structure_graph = structure_graph;
+  config.Load(options);
+  if (candidates) options.candidates = *candidates;
+  if (structure_graph) options.structure_graph = *structure_graph;
   options.Validate();
   return options;
 }
@@ -39,14 +43,16 @@ LocalizationOptions OptionsFrom(int candidates, bool structure_graph) {
 // A map in memory with the networks that find images in it.
 class MapLocalizer {
  public:
-  MapLocalizer(const fs::path& map, const RigCamera& camera, const std::string& model,
-               int candidates, bool structure_graph)
-      : pack_(LoadModelPack(model)),
+  MapLocalizer(const fs::path& map, const RigCamera& camera, const Config& config,
+               const fs::path& model, const std::optional<int>& candidates,
+               const std::optional<bool>& structure_graph)
+      : options_(OptionsFrom(config, candidates, structure_graph)),
+        pack_(LoadModelPack(model.string())),
         map_(LocalizationMap::Load(MapFilePath(map), pack_)),
         camera_(camera),
         detector_(pack_.features),
         matcher_(MakeMatcher(pack_)),
-        localizer_(map_, detector_, *matcher_, OptionsFrom(candidates, structure_graph)) {}
+        localizer_(map_, detector_, *matcher_, options_) {}
 
   // From any thread, one after the other.
   Localization Localize(const cv::Mat& image) {
@@ -55,6 +61,7 @@ class MapLocalizer {
   }
 
  private:
+  const LocalizationOptions options_;
   const ModelPack pack_;
   const LocalizationMap map_;
   const QueryCamera camera_;
@@ -125,14 +132,18 @@ void BindLocalization(nb::module_& module) {
   nb::class_<MapLocalizer>(
       module, "Localizer",
       "Finds where single images were taken in a finished map, from the image alone.")
-      .def(nb::init<const fs::path&, const RigCamera&, const std::string&, int, bool>(), "map"_a,
-           "camera"_a, nb::kw_only(), "model"_a = kDefaultModelPack, "candidates"_a = 3,
-           "structure_graph"_a = true, nb::call_guard<nb::gil_scoped_release>(),
-           "map: a map file, best a refined one, or the folder of a run. camera: that takes the "
-           "images. "
-           "candidates: keyframes to match with. structure_graph: whether junctions choose them "
-           "too. Raises "
-           "Error.")
+      .def(
+          nb::init<const fs::path&, const RigCamera&, const Config&, const fs::path&,
+                   const std::optional<int>&, const std::optional<bool>&>(),
+          "map"_a, "camera"_a, nb::kw_only(), "config"_a.none() = nb::none(),
+          "model"_a = kDefaultModelPack, "candidates"_a = nb::none(),
+          "structure_graph"_a = nb::none(), nb::call_guard<nb::gil_scoped_release>(),
+          "map: a map file, best a refined one, or the folder of a run. camera: that takes the "
+          "images. config: options of `airslam localize`, a YAML file or a dict of the same names "
+          "(docs/options.md). model: model pack, a name or a folder. candidates: keyframes to "
+          "match "
+          "with (3), structure_graph: whether junctions choose them too (True); both go before the "
+          "configuration. Raises Error.")
       .def(
           "localize",
           [](MapLocalizer& self, const GivenImage& image) {

@@ -33,7 +33,6 @@ using Doubles3 = Array<double, -1, 3>;
 using Poses = Array<double, -1, 4, 4>;
 using Floats = Array<float, -1>;
 using Floats4 = Array<float, -1, 4>;
-using FloatRows = Array<float, -1, -1>;
 using Lines = Array<double, -1, 2, 3>;
 using Observations = Array<std::int64_t, -1, 3>;
 
@@ -143,12 +142,6 @@ Floats RightColumns(const Keyframe& keyframe) {
   std::vector<float> numbers;
   for (float x : keyframe.right_x) numbers.push_back(x >= 0 ? x : NAN);
   return ToArray<Floats>(std::move(numbers), {keyframe.right_x.size()});
-}
-
-FloatRows Rows(const DescriptorMatrix& matrix) {
-  return ToArray<FloatRows>(
-      std::vector<float>(matrix.data(), matrix.data() + matrix.size()),
-      {static_cast<std::size_t>(matrix.rows()), static_cast<std::size_t>(matrix.cols())});
 }
 
 Ids IdColumn(const std::vector<LandmarkId>& ids) {

@@ -30,6 +30,8 @@ NB_MODULE(_core, module) {
   airslam::python::BindMap(module);
   airslam::python::BindFrame(module);
   airslam::python::BindOdometry(module);
+  airslam::python::BindRefinement(module);
+  airslam::python::BindDetection(module);
   airslam::python::BindLocalization(module);
   airslam::python::BindEvaluation(module);
 }

@@ -23,6 +23,7 @@
 #include "airslam/odometry/map_run.h"
 #include "src/arrays.h"
 #include "src/bindings.h"
+#include "src/config.h"
 #include "src/frame_binding.h"
 #include "src/images.h"
 #include "src/json.h"
@@ -55,8 +56,8 @@ class FrameMaker {
  public:
   explicit FrameMaker(MapRun& run) : run_(run) {}
 
-  Frame operator()(const PreparedFrame& prepared, const FrameRecord& record) {
-    Frame frame = MakeFrame(prepared, record, run_.rectifier().body_from_left());
+  Frame operator()(const FrameObservation& seen) {
+    Frame frame = MakeFrame(seen, run_.rectifier().body_from_left());
     std::map<std::string, double> now = run_.times().TotalsMs();
     for (const auto& [stage, total] : now) frame.stage_ms[stage] = total - before_[stage];
     before_ = std::move(now);
@@ -70,26 +71,24 @@ class FrameMaker {
 
 // Stops the run when Python has received a signal (Ctrl-C), and shows the frame to `on_frame`.
 FrameObserver ObserverFor(const nb::object& on_frame, MapRun& run) {
-  return [&on_frame, make = FrameMaker(run)](int, const PreparedFrame& prepared,
-                                             const FrameRecord& record) mutable {
+  return [&on_frame, make = FrameMaker(run)](const FrameObservation& seen) mutable {
     const nb::gil_scoped_acquire acquire;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    if (!on_frame.is_none()) on_frame(make(prepared, record));
+    if (!on_frame.is_none()) on_frame(make(seen));
   };
 }
 
-MapRunRequest Request(const std::string& dataset, const fs::path& out,
-                      const std::optional<fs::path>& config, const std::string& model, bool imu,
-                      bool lines) {
-  MapRunRequest request{dataset, out, {}, model};
-  if (config) LoadOptions(*config, request.options);
+MapRunRequest Request(const std::string& dataset, const fs::path& out, const Config& config,
+                      const fs::path& model, bool imu, bool lines) {
+  MapRunRequest request{dataset, out, {}, model.string()};
+  config.Load(request.options);
   if (!imu) request.options.inertial.enabled = false;
   if (!lines) request.options.lines.enabled = false;
   return request;
 }
 
-RunResult Run(const fs::path& dataset, const fs::path& out, const std::optional<fs::path>& config,
-              const std::string& model, bool imu, bool lines, const nb::object& on_frame) {
+RunResult Run(const fs::path& dataset, const fs::path& out, const Config& config,
+              const fs::path& model, bool imu, bool lines, const nb::object& on_frame) {
   nb::gil_scoped_release release;
   const MapRunRequest request = Request(dataset.string(), out, config, model, imu, lines);
   const std::unique_ptr<Sequence> sequence = OpenSequence(dataset);
@@ -106,12 +105,11 @@ using GivenVector = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::de
 // The running odometry, with the frames that are done but not yet told.
 class PythonOdometry {
  public:
-  PythonOdometry(const StereoRig& rig, const std::optional<fs::path>& out,
-                 const std::optional<fs::path>& config, const std::string& model, bool imu,
-                 bool lines)
+  PythonOdometry(const StereoRig& rig, const std::optional<fs::path>& out, const Config& config,
+                 const fs::path& model, bool imu, bool lines)
       : live_(rig, Request("live", out.value_or(fs::path()), config, model, imu, lines),
-              [this](int, const PreparedFrame& prepared, const FrameRecord& record) {
-                Frame frame = (*make_)(prepared, record);
+              [this](const FrameObservation& seen) {
+                Frame frame = (*make_)(seen);
                 const std::lock_guard lock(mutex_);
                 done_.push_back(std::move(frame));
               }) {
@@ -171,17 +169,18 @@ void BindOdometry(nb::module_& module) {
           nb::sig("def report(self) -> dict"), "What report.json holds (docs/outputs.md).",
           nb::rv_policy::automatic);
   module.def(
-      "run", &Run, "dataset"_a, "out"_a, nb::kw_only(), "config"_a = nb::none(),
+      "run", &Run, "dataset"_a, "out"_a, nb::kw_only(), "config"_a.none() = nb::none(),
       "model"_a = kDefaultModelPack, "imu"_a = true, "lines"_a = true, "on_frame"_a = nb::none(),
-      nb::sig("def run(dataset: str | os.PathLike, out: str | os.PathLike, *, config: str | "
-              "os.PathLike "
-              "| None = None, model: str = 'airslam-fast', imu: bool = True, lines: bool = True, "
-              "on_frame: collections.abc.Callable[[Frame], object] | None = None) -> RunResult"),
+      nb::sig(
+          "def run(dataset: str | os.PathLike, out: str | os.PathLike, *, config: str | "
+          "os.PathLike | dict | None = None, model: str | os.PathLike = 'airslam-fast', imu: "
+          "bool = True, lines: bool = True, on_frame: collections.abc.Callable[[Frame], object] "
+          "| None = None) -> RunResult"),
       "Makes trajectories and a map of a recorded sequence, as `airslam map` does, bit for bit.\n\n"
       "dataset: EuRoC ASL or KITTI odometry folder. out: folder of results; an earlier one is "
-      "replaced when the run has ended. config: YAML file of options. model: model pack, a name or "
-      "a "
-      "folder. on_frame: called with a Frame after each frame, from the calling thread; what it "
+      "replaced when the run has ended. config: options, a YAML file or a dict of the same names "
+      "(docs/options.md). model: model pack, a name or a folder. on_frame: called with a Frame "
+      "after each frame, from the calling thread; what it "
       "raises ends the run. Raises Error.");
   nb::class_<PythonOdometry>(
       module, "Odometry",
@@ -191,9 +190,9 @@ void BindOdometry(nb::module_& module) {
       "is "
       "worked on when the readings up to its time have come (and, while the IMU is being "
       "initialised, 65 ms further).")
-      .def(nb::init<const StereoRig&, const std::optional<fs::path>&,
-                    const std::optional<fs::path>&, const std::string&, bool, bool>(),
-           "rig"_a, nb::kw_only(), "out"_a = nb::none(), "config"_a = nb::none(),
+      .def(nb::init<const StereoRig&, const std::optional<fs::path>&, const Config&,
+                    const fs::path&, bool, bool>(),
+           "rig"_a, nb::kw_only(), "out"_a = nb::none(), "config"_a.none() = nb::none(),
            "model"_a = kDefaultModelPack, "imu"_a = true, "lines"_a = true,
            nb::call_guard<nb::gil_scoped_release>(),
            "out: folder of results as of airslam.run, or None: results in memory alone. The other "

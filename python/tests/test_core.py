@@ -59,6 +59,46 @@ def test_frames_tell_what_happened(run: tuple) -> None:
         frames[0].left[0, 0] = 0
 
 
+def test_frames_tell_what_holds_them(run: tuple) -> None:
+    _, result, frames = run
+    kept = set(result.map.landmark_ids.tolist())
+    rows = dict(zip(result.map.timestamps_ns.tolist(), range(len(result.map))))
+    last_pixels, shared, motion = {}, 0, []
+    for frame in frames:
+        assert frame.tracked_pixels.shape == (frame.tracked_points, 2) and frame.tracked_ids.shape == (frame.tracked_points,)
+        assert (frame.keyframe is not None) == frame.is_keyframe
+        pixels = dict(zip(frame.tracked_ids.tolist(), frame.tracked_pixels))
+        assert len(pixels) == frame.tracked_points
+        shared += len(kept & pixels.keys())
+        motion += [np.linalg.norm(pixel - last_pixels[key]) for key, pixel in pixels.items() if key in last_pixels]
+        last_pixels = pixels
+        if not frame.is_keyframe:
+            continue
+        stored = result.map.keyframe(rows[frame.timestamp_ns])
+        np.testing.assert_array_equal(frame.keyframe.lines, stored.lines)
+        np.testing.assert_array_equal(frame.keyframe.keypoints, stored.keypoints)
+        assert frame.keyframe.id == stored.id and len(frame.keyframe.lines) > 10
+    assert shared > 0.8 * sum(f.tracked_points for f in frames)  # bundle adjustment drops some
+    assert 0 < np.median(motion) < 30
+
+
+def test_frames_know_the_imu_once_it_is_initialised(run: tuple) -> None:
+    frames = run[2]
+    known = [f.gravity is not None for f in frames]
+    assert not known[0] and known[-1] and all(known[known.index(True):])
+    assert run[1].report["inertial"]["state"] == "used"
+    last = frames[-1]
+    assert np.linalg.norm(last.gravity) == pytest.approx(9.81, abs=0.1)
+    # Gravity is told in the world of the first body; in the result it points down.
+    turn = run[1].trajectory.world_from_body[-1] @ np.linalg.inv(last.world_from_body)
+    assert turn[:3, :3] @ last.gravity == pytest.approx([0, 0, -np.linalg.norm(last.gravity)], abs=0.2)
+    step = (last.world_from_body - frames[-2].world_from_body)[:3, 3] / (1e-9 * (last.timestamp_ns - frames[-2].timestamp_ns))
+    assert last.velocity == pytest.approx(step, abs=0.2)
+    assert np.abs(last.gyroscope_bias).max() < 0.1 and np.abs(last.accelerometer_bias).max() < 1
+    first = frames[0]
+    assert first.velocity is None and first.gyroscope_bias is None and first.accelerometer_bias is None
+
+
 def test_map_arrays_belong_together(run: tuple) -> None:
     m = run[1].map
     assert m.world_from_body.shape == (len(m), 4, 4)

@@ -38,7 +38,7 @@ def refined(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 def test_each_example_is_tested() -> None:
-    assert [f.name[:2] for f in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05", "06"]
+    assert [f.name[:2] for f in sorted(EXAMPLES.glob("*.py"))] == [f"{n:02}" for n in range(1, 9)]
 
 
 def test_01_and_02_agree(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_03(tmp_path: Path) -> None:
 
 
 def test_04(refined: tuple[Path, str]) -> None:
-    assert "keyframes moved by" in refined[1]
+    assert "keyframes moved by" in refined[1] and refined[1].startswith("loop_closure")
 
 
 def test_05(refined: tuple[Path, str], tmp_path: Path) -> None:
@@ -66,6 +66,20 @@ def test_05(refined: tuple[Path, str], tmp_path: Path) -> None:
 def test_06(tmp_path: Path) -> None:
     dataset, result = mapped_example()
     assert said_millimetres(run_example("06", dataset / TRUTH, result / "trajectory.tum", folder=tmp_path)) < 20
+
+
+def test_07(tmp_path: Path) -> None:
+    said = run_example("07", folder=tmp_path)
+    assert int(said.splitlines()[1].split()[0]) > 50  # matches
+    assert Image.open(tmp_path / "out/example_07.png").size == (752, 480)
+
+
+def test_08(tmp_path: Path) -> None:
+    result = mapped_example()[1]
+    said = run_example("08", result, result, tmp_path / "joined", folder=tmp_path)
+    assert said.startswith("2 components, then 1:")
+    assert said.splitlines()[1] == ("joined.db joined.ply keyframes.tum sparse/0/cameras.txt sparse/0/images.txt "
+                                    "sparse/0/points3D.txt")
 
 
 def said_millimetres(text: str) -> float:

@@ -36,6 +36,8 @@ def test_a_recorded_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
                    "/world/truth", "/plots/tracked", "/plots/stages/track", "/plots/stages/detect_left",
                    "/plots/gyroscope_bias/x", "/plots/accelerometer_bias/z"):
         assert recorded.has(entity), entity
+    for bias in ("gyroscope_bias/x", "accelerometer_bias/z"):  # from the IMU's initialisation on
+        assert 0 < recorded.count(f"/plots/{bias}", "Scalars:scalars") < 40
     assert recorded.count("/world/run/points", "Points3D:positions") >= 2  # it grew
 
 

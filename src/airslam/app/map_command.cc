@@ -93,9 +93,7 @@ void RunMap(const MapArguments& arguments) {
   Narrator narrator(sequence->size());
   const PipelineResult result = RunPipeline(
       *sequence, run.rectifier(), options, run.networks(), run.recorder(),
-      [&](int index, const PreparedFrame&, const FrameRecord& record) {
-        narrator.Frame(index, record);
-      },
+      [&](const FrameObservation& seen) { narrator.Frame(seen.prepared.index, seen.record); },
       run.times(), &stop.flag());
   narrator.Finish();
 

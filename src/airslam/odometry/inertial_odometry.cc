@@ -141,6 +141,12 @@ void InertialOdometry::NoteGap(std::int64_t begin_ns, std::int64_t end_ns) {
   }
 }
 
+std::optional<InertialEstimate> InertialOdometry::EstimateAt(std::int64_t timestamp_ns) const {
+  if (!filter_ || filter_->timestamp_ns() != timestamp_ns) return std::nullopt;
+  const InertialState& state = filter_->state();
+  return InertialEstimate{state.velocity_in_world, state.bias, start_->gravity_in_world};
+}
+
 std::optional<PosePrior> InertialOdometry::Predict(std::int64_t timestamp_ns) {
   Fetch(timestamp_ns, 0);
   predicted_.reset();

@@ -24,6 +24,13 @@ namespace airslam {
 // Hands over readings that come while the run goes on: see Sequence::MoreImu.
 using ImuSource = std::function<std::vector<ImuSample>(std::int64_t until_ns)>;
 
+// What the IMU knows of a frame, in the world of its component before the final turn.
+struct InertialEstimate {
+  Eigen::Vector3d velocity_in_world;  // of the body, m/s
+  ImuBias bias;                       // rad/s, m/s^2
+  Eigen::Vector3d gravity_in_world;   // m/s^2, downwards
+};
+
 // The inertial side of the odometry. It keeps trying to find gravity, velocities and biases from
 // the frames since the component's start, at rest or in motion; from then on it predicts the
 // camera's pose, adds its factors to local bundle adjustment, and carries the frames that vision
@@ -44,6 +51,9 @@ class InertialOdometry {
   bool initialized() const { return start_.has_value(); }
   // The camera's pose at the last frame. Only once initialised.
   Rigid3 world_from_cam() const { return filter_->world_from_cam(); }
+
+  // Of the last frame, when it is that of this time; nothing while not initialised.
+  std::optional<InertialEstimate> EstimateAt(std::int64_t timestamp_ns) const;
 
   // The pose expected at a frame after the last one; nothing while not initialised or without
   // readings in between.

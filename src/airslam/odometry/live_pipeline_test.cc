@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <opencv2/core/utility.hpp>
 #include <stdexcept>
 #include <thread>
@@ -147,6 +148,50 @@ TEST(LivePipeline, AnImuThatEndsLeavesStereo) {
   EXPECT_EQ(result.records.back().state, FrameState::kTracked);
 }
 
+TEST(LivePipeline, TheObserverIsToldWhatHoldsAFrame) {
+  const Recorded recorded(0);
+  const StereoRectifier rectifier(recorded.rig());
+  const Pinhole camera = rectifier.stereo().camera;
+  std::map<LandmarkId, Eigen::Vector3d> points;  // as the keyframes saw them first
+  int keyframes = 0, with_lines = 0, shown = 0, near = 0;
+  std::vector<double> gravity;
+  const PipelineResult result = RunOn(recorded, [&](const FrameObservation& seen) {
+    ASSERT_EQ(static_cast<int>(seen.points.size()), seen.record.tracked_points);
+    ASSERT_EQ(seen.keyframe != nullptr, seen.record.is_keyframe);
+    const Rigid3 cam_from_world = seen.record.online_world_from_cam.Inverse();
+    for (const TrackedPoint& point : seen.points) {
+      if (!points.contains(point.landmark)) continue;
+      const Eigen::Vector3d in_cam = cam_from_world * points.at(point.landmark);
+      near += (camera.Project(in_cam) - point.pixel).norm() < 3;
+      ++shown;
+    }
+    if (seen.inertial) {
+      gravity.push_back(seen.inertial->gravity_in_world.norm());
+      EXPECT_LT((seen.inertial->bias.gyroscope - Eigen::Vector3d(0.01, -0.02, 0.03)).norm(), 0.01);
+    }
+    if (seen.keyframe == nullptr) return;
+    ++keyframes;
+    with_lines += !seen.keyframe->lines.empty();
+    EXPECT_EQ(seen.keyframe->timestamp_ns, seen.record.timestamp_ns);
+    for (std::size_t i = 0; i < seen.keyframe->landmarks.size(); ++i) {
+      const float right = seen.keyframe->right_x[i];
+      if (seen.keyframe->landmarks[i] == kNoLandmark || right < 0) continue;
+      const Keypoint& left = seen.keyframe->keypoints[i];
+      const double depth = camera.fx * rectifier.stereo().baseline / (left.x - right);
+      const Eigen::Vector3d ray((left.x - camera.cx) / camera.fx, (left.y - camera.cy) / camera.fy,
+                                1);
+      points.emplace(seen.keyframe->landmarks[i], seen.keyframe->world_from_cam * (depth * ray));
+    }
+  });
+  EXPECT_EQ(keyframes, static_cast<int>(result.map.keyframes.size()));
+  EXPECT_EQ(with_lines, keyframes);
+  EXPECT_GT(shown, 20 * kFrames);
+  EXPECT_GT(near, 0.95 * shown);
+  ASSERT_GT(gravity.size(), 10u);  // from the initialisation on
+  EXPECT_LT(gravity.size(), static_cast<std::size_t>(kFrames));
+  EXPECT_NEAR(gravity.back(), 9.81, 0.02);
+}
+
 TEST(LivePipeline, WhatEndsTheRunEndsTheWaitForFramesToo) {
   const Recorded recorded(0);
   LiveSequence live(recorded.rig(), false);
@@ -157,8 +202,8 @@ TEST(LivePipeline, WhatEndsTheRunEndsTheWaitForFramesToo) {
     }
   });
   EXPECT_THROW(RunOn(live,
-                     [](int index, const PreparedFrame&, const FrameRecord&) {
-                       if (index == 3) throw std::logic_error("enough");
+                     [](const FrameObservation& seen) {
+                       if (seen.prepared.index == 3) throw std::logic_error("enough");
                      }),
                std::logic_error);
   feeder.join();

@@ -18,6 +18,17 @@ int CountLandmarks(const Keyframe& keyframe) {
                                         [](LandmarkId id) { return id != kNoLandmark; }));
 }
 
+// The landmarks of a keyframe as points that it tracks.
+std::vector<TrackedPoint> OwnPoints(const Keyframe& keyframe) {
+  std::vector<TrackedPoint> points;
+  for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
+    if (keyframe.landmarks[i] == kNoLandmark) continue;
+    const Keypoint& seen = keyframe.keypoints[i];
+    points.push_back({static_cast<int>(i), keyframe.landmarks[i], {seen.x, seen.y}});
+  }
+  return points;
+}
+
 // Whether a pose that was found without a prediction lies near it: within ten standard deviations,
 // for few points leave a few centimetres open.
 bool Agrees(const PosePrior& prediction, const Rigid3& world_from_cam) {
@@ -53,8 +64,9 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
       line_builder_(options_.lines, map_),
       bundle_worker_(LocalBundleOptions(options_.local_map), parts.times) {}
 
-const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
+FrameObservation Odometry::Process(const PreparedFrame& frame) {
   const auto start = std::chrono::steady_clock::now();
+  points_.clear();
   if (bundle_due_ && frame.index >= *bundle_due_) TakeBundle();
   FrameRecord record;
   record.timestamp_ns = frame.timestamp_ns;
@@ -70,7 +82,17 @@ const FrameRecord& Odometry::Process(const PreparedFrame& frame) {
     ScopedStage stage(times_, "inertial");
     inertial_->TryInitialize(records_, map_.map());
   }
-  return records_.back();
+  return Observe(frame);
+}
+
+FrameObservation Odometry::Observe(const PreparedFrame& frame) const {
+  const FrameRecord& record = records_.back();
+  FrameObservation seen{frame, record, points_};
+  if (record.is_keyframe) seen.keyframe = &map_.last();
+  if (inertial_ != nullptr && record.has_pose()) {
+    seen.inertial = inertial_->EstimateAt(record.timestamp_ns);
+  }
+  return seen;
 }
 
 void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
@@ -174,6 +196,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
   record.reference_from_cam = world_from_reference.Inverse() * tracked.world_from_cam;
   record.online_world_from_cam = tracked.world_from_cam;
   record.tracked_points = static_cast<int>(tracked.points.size());
+  points_ = tracked.points;
   record.used_matcher = tracked.used_matcher;
   motion_.Observe(frame.timestamp_ns, record.reference, record.reference_from_cam,
                   world_from_reference);
@@ -295,7 +318,8 @@ void Odometry::Begin(const PreparedFrame& frame, const FrameView& view, Keyframe
   motion_ = {};
   motion_.Observe(frame.timestamp_ns, keyframe.id, {}, keyframe.world_from_cam);
   InsertKeyframe(frame, view, std::move(draft), record);
-  record.tracked_points = CountLandmarks(map_.last());
+  points_ = OwnPoints(map_.last());
+  record.tracked_points = static_cast<int>(points_.size());
 }
 
 void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,

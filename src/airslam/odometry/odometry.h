@@ -36,6 +36,19 @@ struct PreparedFrame {
   std::string problem;  // why it was skipped
 };
 
+// All that is known of a frame right after it was tracked. It lives until the next one is.
+struct FrameObservation {
+  const PreparedFrame& prepared;
+  const FrameRecord& record;
+  // The landmarks that hold its pose, record.tracked_points of them, and where the left image shows
+  // them.
+  std::span<const TrackedPoint> points;
+  // What it became, if it became one: as it was made, before any bundle adjustment with it.
+  const Keyframe* keyframe = nullptr;
+  // The IMU's part, once it is initialised and the frame has a pose, in the world of its component.
+  std::optional<InertialEstimate> inertial = {};
+};
+
 // Stereo visual odometry, one frame at a time: tracks it against the last keyframe, makes
 // keyframes, with lines if the detector finds them, and hands them to local bundle adjustment. When
 // lost it tries the last keyframes and then starts a new component. With an inertial side, the IMU
@@ -56,7 +69,7 @@ class Odometry {
   Odometry(const OdometryOptions& options, const MapCalibration& calibration, const Parts& parts);
 
   // Frames come in order of time.
-  const FrameRecord& Process(const PreparedFrame& frame);
+  FrameObservation Process(const PreparedFrame& frame);
 
   // Takes the last bundle adjustment; where gravity is known, turns the world so that z points up.
   // No frame may follow.
@@ -67,6 +80,7 @@ class Odometry {
 
  private:
   void Estimate(const PreparedFrame& frame, FrameRecord& record);
+  FrameObservation Observe(const PreparedFrame& frame) const;
   // Finds the frame by vision; `inertial` is where the IMU expects it.
   std::optional<TrackedFrame> Find(const PreparedFrame& frame, const FrameView& view,
                                    const std::optional<PosePrior>& inertial) const;
@@ -114,6 +128,7 @@ class Odometry {
   LineBuilder line_builder_;
   MotionModel motion_;
   std::vector<FrameRecord> records_;
+  std::vector<TrackedPoint> points_;  // of the latest frame, those that hold its pose
   int component_ = -1;
   int lost_frames_ = 0;     // since vision last found one
   int strange_frames_ = 0;  // of these, the latest that show enough but nothing that is known

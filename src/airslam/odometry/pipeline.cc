@@ -143,8 +143,8 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
                      recorder, inertial.get(), times});
   while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
     if (!frame->problem.empty()) LogWarn("frame {} skipped: {}", frame->index, frame->problem);
-    const FrameRecord& record = odometry.Process(*frame);
-    if (observer) observer(frame->index, *frame, record);
+    const FrameObservation seen = odometry.Process(*frame);
+    if (observer) observer(seen);
   }
   sequence.Abandon();  // where a stage has failed the reader may still wait for a frame
   reader.Join();

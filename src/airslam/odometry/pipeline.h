@@ -30,7 +30,7 @@ struct PipelineResult {
 };
 
 // Called after each frame, from the thread that called RunPipeline.
-using FrameObserver = std::function<void(int index, const PreparedFrame&, const FrameRecord&)>;
+using FrameObserver = std::function<void(const FrameObservation&)>;
 
 // The calibration that maps of this rig carry.
 MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier);
