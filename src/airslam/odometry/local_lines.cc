@@ -9,6 +9,7 @@
 
 #include "airslam/feature/point_line_association.h"
 #include "airslam/optimize/line_manifold.h"
+#include "airslam/optimize/line_residual.h"
 #include "airslam/optimize/pose_parameter.h"
 
 namespace airslam {
@@ -131,23 +132,15 @@ double LocalLines::DepthError(const LineLandmark& landmark) const {
   const StereoCamera& stereo = map_.calibration.stereo;
   const LineManifold manifold;
   const LineParameter parameter = ToParameter(landmark.line_in_world());
-  Eigen::Matrix<double, 6, 4, Eigen::RowMajor> by_step;
-  manifold.PlusJacobian(parameter.data(), by_step.data());
+  const LineInWorld line_in_world(parameter.data());
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
   const std::vector<FeatureRef>& refs = seen_by_.at(landmark.id);
   for (const FeatureRef& ref : refs) {
     const Keyframe& keyframe = map_.keyframes.at(ref.keyframe);
-    const LineFactor factor(stereo, ObservationOf(keyframe, ref.index, options_.pixel_sigma));
-    const PoseParameter pose = ToParameter(keyframe.world_from_cam);
-    const double* blocks[] = {pose.data(), parameter.data()};
-    double residuals[4], by_line[4 * 6];
-    double* jacobians[] = {nullptr, by_line};
-    factor.Evaluate(blocks, residuals, jacobians);
-    const int rows = factor.num_residuals();
-    const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> jacobian(by_line,
-                                                                                         rows, 6);
-    const Eigen::Matrix<double, Eigen::Dynamic, 4> rows_by_step = jacobian * by_step;
-    information += rows_by_step.transpose() * rows_by_step;
+    const LineResidual residual(stereo, ObservationOf(keyframe, ref.index, options_.pixel_sigma),
+                                CameraView(ToParameter(keyframe.world_from_cam).data()),
+                                line_in_world, true);
+    information += residual.by_line.transpose() * residual.by_line;
   }
   const Keyframe& last = map_.keyframes.at(refs.back().keyframe);
   const Rigid3 cam_from_world = last.world_from_cam.Inverse();

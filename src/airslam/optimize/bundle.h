@@ -7,8 +7,8 @@
 #include "airslam/geometry/pinhole.h"
 #include "airslam/geometry/rigid3.h"
 #include "airslam/optimize/inertial_bundle.h"
-#include "airslam/optimize/line_factor.h"
-#include "airslam/optimize/point_factor.h"
+#include "airslam/optimize/line_residual.h"
+#include "airslam/optimize/point_residual.h"
 #include "airslam/optimize/relative_pose_factor.h"
 
 namespace airslam {
@@ -28,16 +28,8 @@ struct BundleOptions {
 // Keyframe poses, points, lines, observations and inertial states by position in these lists;
 // solved in place.
 struct BundleProblem {
-  struct Observation {
-    int pose = -1;
-    int point = -1;
-    PointObservation seen;
-  };
-  struct LineSeen {
-    int pose = -1;
-    int line = -1;
-    LineObservation seen;
-  };
+  using Observation = PointSeen;
+  using LineSeen = airslam::LineSeen;
   StereoCamera stereo;
   std::vector<Rigid3> world_from_cam;
   std::vector<bool> pose_fixed;  // one a pose; at least one must be
@@ -58,10 +50,11 @@ struct BundleSummary {
   double line_rms = 0;     // the same of line ends' distances
 };
 
-// Bundle adjustment (paper, section V-E): Levenberg-Marquardt with the Schur complement, outliers
-// rejected half-way. A pure function: fixed iteration counts, one thread, no time limit. `rms` is
-// per pixel coordinate. An observation of a line is an outlier when its ends lie too far from the
-// projected line, or when the stretch that it shows would lie behind a camera.
+// Bundle adjustment (paper, section V-E): Levenberg-Marquardt with the Schur complement
+// (bundle_solver.h), outliers rejected half-way. A pure function: fixed iteration counts, one
+// thread, no time limit. `rms` is per pixel coordinate. An observation of a line is an outlier when
+// its ends lie too far from the projected line, or when the stretch that it shows would lie behind
+// a camera.
 BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem);
 
 }  // namespace airslam

@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "airslam/common/error.h"
+#include "airslam/optimize/kept_factors.h"
 
 namespace airslam {
 namespace {
@@ -21,68 +22,41 @@ std::unique_ptr<ceres::CostFunction> MakeBiasPrior(const InertialTerms::BiasPrio
 
 }  // namespace
 
-InertialBundle::InertialBundle(const InertialTerms& terms)
-    : terms_(terms), gravity_(terms.gravity_in_world) {
-  for (const InertialTerms::State& state : terms.states) {
-    velocities_.push_back(state.velocity_in_world);
-    biases_.push_back(ToParameter(state.bias));
-  }
+InertialBundle::InertialBundle(const InertialTerms& terms) : terms_(terms) {
   for (const InertialTerms::Link& link : terms.links) {
     const ImuPreintegration& readings = *link.readings;
     motions_.push_back(std::make_unique<InertialFactor>(readings, terms.body_from_cam));
     walks_.push_back(std::make_unique<BiasWalkFactor>(readings.noise(), readings.duration()));
   }
   if (terms.gravity_sigma > 0) {
-    const double weight = 1 / (terms.gravity_sigma * gravity_.norm());
-    gravity_prior_ =
-        std::make_unique<ceres::NormalPrior>(weight * Eigen::MatrixXd::Identity(3, 3), gravity_);
+    const double weight = 1 / (terms.gravity_sigma * terms.gravity_in_world.norm());
+    gravity_prior_ = std::make_unique<ceres::NormalPrior>(weight * Eigen::MatrixXd::Identity(3, 3),
+                                                          terms.gravity_in_world);
   }
   for (const InertialTerms::BiasPrior& prior : terms.priors) {
     priors_.push_back(MakeBiasPrior(prior));
   }
 }
 
-void InertialBundle::AddTo(std::vector<PoseParameter>& poses, double weight, int group,
-                           ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering) {
+void InertialBundle::AddTo(KeptFactors& kept) {
   if (terms_.links.empty()) return;
-  robust_ = std::make_unique<ceres::ScaledLoss>(new ceres::HuberLoss(kHuber), weight,
-                                                ceres::TAKE_OWNERSHIP);
-  plain_ = std::make_unique<ceres::ScaledLoss>(nullptr, weight, ceres::TAKE_OWNERSHIP);
-  problem.AddParameterBlock(gravity_.data(), 3);
-  if (gravity_prior_) {
-    problem.SetManifold(gravity_.data(), new GravityManifold);
-    problem.AddResidualBlock(gravity_prior_.get(), plain_.get(), gravity_.data());
-  } else {
-    problem.SetParameterBlockConstant(gravity_.data());
+  for (const InertialTerms::State& state : terms_.states) {
+    velocities_.push_back(kept.AddUnknown({state.velocity_in_world.data(), 3}, nullptr, false));
+    biases_.push_back(kept.AddUnknown(ToParameter(state.bias), nullptr, false));
   }
-  ordering.AddElementToGroup(gravity_.data(), group + 3);
+  gravity_ =
+      kept.AddUnknown({terms_.gravity_in_world.data(), 3}, &gravity_manifold_, !gravity_prior_);
+  if (gravity_prior_) kept.AddFactor(*gravity_prior_, {gravity_});
   for (std::size_t i = 0; i < terms_.links.size(); ++i) {
     const int from = terms_.links[i].from, to = terms_.links[i].to;
-    double* pose_from = poses[terms_.states[from].pose].data();
-    double* pose_to = poses[terms_.states[to].pose].data();
-    problem.AddResidualBlock(motions_[i].get(), robust_.get(), pose_from, velocities_[from].data(),
-                             biases_[from].data(), pose_to, velocities_[to].data(),
-                             gravity_.data());
-    problem.AddResidualBlock(walks_[i].get(), plain_.get(), biases_[from].data(),
-                             biases_[to].data());
-    for (const int state : {from, to}) {
-      ordering.AddElementToGroup(poses[terms_.states[state].pose].data(), group);
-      ordering.AddElementToGroup(velocities_[state].data(), group + 1);
-      ordering.AddElementToGroup(biases_[state].data(), group + 2);
-    }
+    kept.AddFactor(*motions_[i],
+                   {terms_.states[from].pose, velocities_[from], biases_[from],
+                    terms_.states[to].pose, velocities_[to], gravity_},
+                   {kHuber});
+    kept.AddFactor(*walks_[i], {biases_[from], biases_[to]});
   }
   for (std::size_t i = 0; i < terms_.priors.size(); ++i) {
-    double* bias = biases_[terms_.priors[i].state].data();
-    problem.AddResidualBlock(priors_[i].get(), plain_.get(), bias);
-    ordering.AddElementToGroup(bias, group + 2);
-  }
-}
-
-void InertialBundle::CopyTo(InertialTerms& terms) const {
-  terms.gravity_in_world = gravity_;
-  for (std::size_t i = 0; i < terms.states.size(); ++i) {
-    terms.states[i].velocity_in_world = velocities_[i];
-    terms.states[i].bias = FromParameter(biases_[i]);
+    kept.AddFactor(*priors_[i], {biases_[terms_.priors[i].state]});
   }
 }
 

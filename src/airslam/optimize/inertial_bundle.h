@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <ceres/loss_function.h>
-#include <ceres/ordered_groups.h>
-#include <ceres/problem.h>
+#include <ceres/cost_function.h>
 
 #include <memory>
 #include <vector>
 
 #include "airslam/optimize/bias_walk_factor.h"
 #include "airslam/optimize/inertial_factor.h"
-#include "airslam/optimize/pose_parameter.h"
 #include "airslam/optimize/pose_prior_factor.h"
 #include "airslam/sensor/imu_preintegration.h"
 
 namespace airslam {
+
+class KeptFactors;
 
 // The inertial part of a bundle adjustment (paper, section V-E.3): velocities and biases of
 // keyframes, and what the IMU says of them. Empty without an IMU.
@@ -46,21 +45,28 @@ struct InertialTerms {
   Rigid3 body_from_cam;  // rectified left camera
 };
 
-// The factors of InertialTerms and the parameters that they move. The terms must outlive it.
+// The factors of InertialTerms. The terms must outlive it.
 class InertialBundle {
  public:
   // Throws Error when a link spans no time or a prior's covariance is not positive definite.
   explicit InertialBundle(const InertialTerms& terms);
 
-  // Adds the factors, their squares times `weight`. `poses`: one a pose of the bundle. In the
-  // elimination order they stay in group `group`; velocities, biases and gravity come into the
-  // three groups after it. (Ceres orders the blocks of one group by address: those of one
-  // allocation only may share a group, or runs would not repeat.)
-  void AddTo(std::vector<PoseParameter>& poses, double weight, int group, ceres::Problem& problem,
-             ceres::ParameterBlockOrdering& ordering);
+  // Adds velocities, biases, gravity and the factors; this must outlive what they are added to. The
+  // unknowns of the poses are those of the bundle's numbers.
+  void AddTo(KeptFactors& kept);
 
-  // Writes velocities, biases and gravity as they are now.
-  void CopyTo(InertialTerms& terms) const;
+  // Writes velocities, biases and gravity as `value` gives them by their unknown's number.
+  template <class Value>
+  void CopyTo(const Value& value, InertialTerms& terms) const {
+    if (gravity_ < 0) return;
+    terms.gravity_in_world = Eigen::Map<const Eigen::Vector3d>(value(gravity_));
+    for (std::size_t i = 0; i < terms.states.size(); ++i) {
+      InertialTerms::State& state = terms.states[i];
+      state.velocity_in_world = Eigen::Map<const Eigen::Vector3d>(value(velocities_[i]));
+      const Eigen::Map<const Eigen::Matrix<double, 6, 1>> bias(value(biases_[i]));
+      state.bias = {bias.head<3>(), bias.tail<3>()};
+    }
+  }
 
  private:
   // Beyond this many sigmas of its nine coordinates together (95 % of them lie within) a link
@@ -71,10 +77,10 @@ class InertialBundle {
   const InertialTerms& terms_;
   std::vector<std::unique_ptr<ceres::CostFunction>> motions_, walks_, priors_;
   std::unique_ptr<ceres::CostFunction> gravity_prior_;
-  std::vector<Eigen::Vector3d> velocities_;
-  std::vector<BiasParameter> biases_;
-  Eigen::Vector3d gravity_;
-  std::unique_ptr<ceres::LossFunction> robust_, plain_;
+  GravityManifold gravity_manifold_;
+  // Numbers of unknowns: one a state; gravity's is -1 before AddTo, and when there are no links.
+  std::vector<int> velocities_, biases_;
+  int gravity_ = -1;
 };
 
 }  // namespace airslam

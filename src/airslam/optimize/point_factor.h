@@ -3,29 +3,17 @@
 
 #include <ceres/cost_function.h>
 
-#include "airslam/geometry/pinhole.h"
+#include "airslam/optimize/point_residual.h"
 
 namespace airslam {
 
-// A point seen by one keyframe: in the left image and, where right_x >= 0, in the right image too.
-struct PointObservation {
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // rectified left image
-  double right_x = -1;                              // column in the rectified right image
-  double sigma = 1;                                 // standard deviation in pixels
-
-  bool has_right() const { return right_x >= 0; }
-};
-
-// Point re-projection error (paper, eq. 12; signs: projected minus observed), in units of sigma:
-// (u, v) or, for a stereo observation, (u, v, u_right). Parameters: PoseParameter of
-// world_from_cam (7), point_in_world (3). Derivatives are with respect to the plain quaternion
-// coefficients; the pose block needs a PoseManifold. Derivation: docs/factors.md.
-//
-// A point at or behind the camera has a constant residual of kBehindResidual and no derivative, so
-// that it counts as an outlier instead of stopping the solver.
+// PointResidual as a factor of Ceres: (u, v) or, for a stereo observation, (u, v, u_right).
+// Parameters: PoseParameter of world_from_cam (7), point_in_world (3). The pose block needs a
+// PoseManifold: derivatives are those along it, times the quaternion's. Derivation:
+// docs/factors/points.md.
 class PointFactor final : public ceres::CostFunction {
  public:
-  static constexpr double kBehindResidual = 100.0;
+  static constexpr double kBehindResidual = PointResidual::kBehindResidual;
 
   PointFactor(const StereoCamera& stereo, const PointObservation& observation);
 
