@@ -2,97 +2,169 @@
 #include "airslam/feature/patch_alignment.h"
 
 #include <Eigen/LU>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <opencv2/core/hal/intrin.hpp>
 
 namespace airslam {
 namespace {
 
+using Four = cv::v_float32x4;
+
 constexpr int kHalf = 5;
 constexpr int kSide = 2 * kHalf + 1;
 constexpr int kArea = kSide * kSide;
-constexpr float kMinDeviation = 1.0f;  // grey levels: below it a patch is noise of the 8-bit range
+constexpr float kMinDeviation = 1.0F;  // grey levels: below it a patch is noise of the 8-bit range
 
-using Patch = std::array<float, kArea>;
+// Row by row, a zero after each row of kSide, so that a row is three vectors of four. What the
+// zeros are for is that sums over all of it are sums over the patch.
+constexpr int kRow = kSide + 1;
+struct alignas(16) Patch {
+  std::array<float, kRow * kSide> values;
+
+  float* row(int y) { return values.data() + static_cast<std::ptrdiff_t>(y) * kRow; }
+  const float* row(int y) const { return values.data() + static_cast<std::ptrdiff_t>(y) * kRow; }
+};
+
+// One for each of the last four of a row, zero for the zero after it.
+Four LastOfRow() { return {1, 1, 1, 0}; }
+
+float Sum(const Patch& patch) {
+  Four sum0 = cv::v_setzero_f32(), sum1 = sum0, sum2 = sum0;
+  for (int y = 0; y < kSide; ++y) {
+    const float* p = patch.row(y);
+    sum0 += cv::v_load_aligned(p);
+    sum1 += cv::v_load_aligned(p + 4);
+    sum2 += cv::v_load_aligned(p + 8);
+  }
+  return cv::v_reduce_sum(sum0 + sum1 + sum2);
+}
+
+float Dot(const Patch& a, const Patch& b) {
+  Four sum0 = cv::v_setzero_f32(), sum1 = sum0, sum2 = sum0;
+  for (int y = 0; y < kSide; ++y) {
+    const float *p = a.row(y), *q = b.row(y);
+    sum0 += cv::v_load_aligned(p) * cv::v_load_aligned(q);
+    sum1 += cv::v_load_aligned(p + 4) * cv::v_load_aligned(q + 4);
+    sum2 += cv::v_load_aligned(p + 8) * cv::v_load_aligned(q + 8);
+  }
+  return cv::v_reduce_sum(sum0 + sum1 + sum2);
+}
+
+// patch = (patch - mean) * scale, of the values only.
+void ShiftAndScale(float mean, float scale, Patch& patch) {
+  const Four shift = cv::v_setall_f32(mean), factor = cv::v_setall_f32(scale);
+  const Four last = LastOfRow();
+  for (int y = 0; y < kSide; ++y) {
+    float* p = patch.row(y);
+    cv::v_store_aligned(p, (cv::v_load_aligned(p) - shift) * factor);
+    cv::v_store_aligned(p + 4, (cv::v_load_aligned(p + 4) - shift) * factor);
+    cv::v_store_aligned(p + 8, (cv::v_load_aligned(p + 8) - shift) * factor * last);
+  }
+}
 
 // The normalised template with its normalised gradients.
 struct Template {
   Patch value;
   Patch gradient_x;
   Patch gradient_y;
+  float level;  // mean grey before
   Eigen::Matrix2d hessian_inverse;
 };
 
-// Subtracts the mean and divides by the deviation. Returns the deviation before.
-float Normalize(Patch& patch) {
-  float sum = 0;
-  for (float v : patch) sum += v;
-  const float mean = sum / kArea;
-  float squares = 0;
-  for (float& v : patch) {
-    v -= mean;
-    squares += v * v;
-  }
-  const float deviation = std::sqrt(squares / kArea);
-  const float scale = 1.0f / std::max(deviation, 1e-6f);
-  for (float& v : patch) v *= scale;
-  return deviation;
+Four LoadGrey(const std::uint8_t* p) {
+  return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(p)));
 }
 
-float Dot(const Patch& a, const Patch& b) {
-  float sum = 0;
-  for (int i = 0; i < kArea; ++i) sum += a[i] * b[i];
-  return sum;
-}
-
-float Bilinear(const cv::Mat& image, double x, double y) {
-  const int x0 = static_cast<int>(x);
-  const int y0 = static_cast<int>(y);
-  const float fx = static_cast<float>(x - x0);
-  const float fy = static_cast<float>(y - y0);
-  const std::uint8_t* top = image.ptr<std::uint8_t>(y0) + x0;
-  const std::uint8_t* bottom = top + image.step[0];
-  return (1 - fy) * ((1 - fx) * top[0] + fx * top[1]) + fy * ((1 - fx) * bottom[0] + fx * bottom[1]);
-}
-
-// Samples the axis-aligned patch around `pixel`: all samples share their bilinear weights.
-bool SampleTranslated(const cv::Mat& image, const Eigen::Vector2d& pixel, Patch& patch) {
-  const int x0 = static_cast<int>(std::floor(pixel.x()));
-  const int y0 = static_cast<int>(std::floor(pixel.y()));
-  if (x0 < kHalf || y0 < kHalf || x0 + kHalf + 1 >= image.cols || y0 + kHalf + 1 >= image.rows) {
+// Samples the axis-aligned patch around `pixel` less `level`: all samples share their bilinear
+// weights. False where it leaves the image.
+bool SampleTranslated(const cv::Mat& image, const Eigen::Vector2d& pixel, float level,
+                      Patch& patch) {
+  // Far outside would not fit into an int.
+  if (!(pixel.x() >= kHalf && pixel.y() >= kHalf && pixel.x() < image.cols - kHalf - 1 &&
+        pixel.y() < image.rows - kHalf - 1)) {
     return false;
   }
-  const float fx = static_cast<float>(pixel.x() - x0);
-  const float fy = static_cast<float>(pixel.y() - y0);
-  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
-  for (int dy = -kHalf; dy <= kHalf; ++dy) {
-    const std::uint8_t* top = image.ptr<std::uint8_t>(y0 + dy) + x0 - kHalf;
-    const std::uint8_t* bottom = top + image.step[0];
-    float* out = patch.data() + (dy + kHalf) * kSide;
-    for (int i = 0; i < kSide; ++i) {
-      out[i] = w00 * top[i] + w01 * top[i + 1] + w10 * bottom[i] + w11 * bottom[i + 1];
+  const int x0 = static_cast<int>(pixel.x()), y0 = static_cast<int>(pixel.y());
+  const Four right = cv::v_setall_f32(static_cast<float>(pixel.x() - x0));
+  const Four below = cv::v_setall_f32(static_cast<float>(pixel.y() - y0));
+  const Four shift = cv::v_setall_f32(level);
+  const Four last = LastOfRow();
+  Four above0 = cv::v_setzero_f32(), above1 = above0, above2 = above0;
+  for (int y = 0; y <= kSide; ++y) {
+    const std::uint8_t* source = image.ptr<std::uint8_t>(y0 - kHalf + y) + x0 - kHalf;
+    const Four grey0 = LoadGrey(source), grey1 = LoadGrey(source + 4);
+    const Four grey2 = LoadGrey(source + 8);
+    const Four row0 = grey0 + right * (LoadGrey(source + 1) - grey0);
+    const Four row1 = grey1 + right * (LoadGrey(source + 5) - grey1);
+    // Of the last four only three are samples: no grey beyond the fourth, which may not exist.
+    const Four row2 = grey2 + right * (cv::v_rotate_right<1>(grey2) - grey2);
+    if (y > 0) {
+      float* out = patch.row(y - 1);
+      cv::v_store_aligned(out, above0 + below * (row0 - above0) - shift);
+      cv::v_store_aligned(out + 4, above1 + below * (row1 - above1) - shift);
+      cv::v_store_aligned(out + 8, (above2 + below * (row2 - above2) - shift) * last);
     }
+    above0 = row0;
+    above1 = row1;
+    above2 = row2;
   }
   return true;
 }
 
-// Samples the reference through the change of shape, with a border of one for the gradients.
+// A patch with a border of one for the gradients, in rows that are a multiple of four long.
+constexpr int kWideRow = kSide + 5;
+using WidePatch = std::array<float, kWideRow*(kSide + 2)>;
+
+// Four bilinear samples at x, y >= 0 from `origin`.
+Four SampleFour(const std::uint8_t* origin, std::ptrdiff_t step, const Four& x, const Four& y) {
+  const cv::v_int32x4 column = cv::v_trunc(x), row = cv::v_trunc(y);
+  alignas(16) std::array<int, 4> columns, rows;
+  cv::v_store_aligned(columns.data(), column);
+  cv::v_store_aligned(rows.data(), row);
+  std::array<const std::uint8_t*, 4> p;
+  for (std::size_t i = 0; i < 4; ++i) p[i] = origin + rows[i] * step + columns[i];
+  const auto grey = [&p](std::ptrdiff_t offset) {
+    return cv::v_cvt_f32(cv::v_int32x4(p[0][offset], p[1][offset], p[2][offset], p[3][offset]));
+  };
+  const Four right = x - cv::v_cvt_f32(column), below = y - cv::v_cvt_f32(row);
+  const Four top_left = grey(0), bottom_left = grey(step);
+  const Four top = top_left + right * (grey(1) - top_left);
+  const Four bottom = bottom_left + right * (grey(step + 1) - bottom_left);
+  return top + below * (bottom - top);
+}
+
+// Samples the reference through the change of shape. False where it leaves the image.
 bool SampleWarped(const cv::Mat& image, const Eigen::Vector2d& pixel,
-                  const Eigen::Matrix2d& reference_from_current,
-                  std::array<float, (kSide + 2) * (kSide + 2)>& samples) {
-  const Eigen::Vector2d reach = reference_from_current.cwiseAbs() * Eigen::Vector2d::Constant(kHalf + 1);
+                  const Eigen::Matrix2d& reference_from_current, WidePatch& samples) {
+  const Eigen::Vector2d reach =
+      reference_from_current.cwiseAbs() * Eigen::Vector2d::Constant(kHalf + 1);
   if (!(pixel.x() - reach.x() >= 0 && pixel.y() - reach.y() >= 0 &&
         pixel.x() + reach.x() < image.cols - 1 && pixel.y() + reach.y() < image.rows - 1)) {
     return false;
   }
+  // Places are counted from a corner nearby: single precision is enough for them there.
+  const int x0 = static_cast<int>(pixel.x() - reach.x());
+  const int y0 = static_cast<int>(pixel.y() - reach.y());
+  const std::uint8_t* origin = image.ptr<std::uint8_t>(y0) + x0;
+  const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
+  const Eigen::Matrix2f m = reference_from_current.cast<float>();
+  const auto centre_x = static_cast<float>(pixel.x() - x0);
+  const auto centre_y = static_cast<float>(pixel.y() - y0);
+  const Four zero = cv::v_setzero_f32();
   float* out = samples.data();
   for (int dy = -kHalf - 1; dy <= kHalf + 1; ++dy) {
-    for (int dx = -kHalf - 1; dx <= kHalf + 1; ++dx) {
-      const Eigen::Vector2d p = pixel + reference_from_current * Eigen::Vector2d(dx, dy);
-      *out++ = Bilinear(image, p.x(), p.y());
+    const Four row_x = cv::v_setall_f32(centre_x + m(0, 1) * static_cast<float>(dy));
+    const Four row_y = cv::v_setall_f32(centre_y + m(1, 1) * static_cast<float>(dy));
+    for (int first = -kHalf - 1; first <= kHalf + 1; first += 4, out += 4) {
+      const Four dx = cv::v_min(Four(0, 1, 2, 3) + cv::v_setall_f32(static_cast<float>(first)),
+                                cv::v_setall_f32(kHalf + 1));  // what fills up the row repeats
+      const Four x = row_x + cv::v_setall_f32(m(0, 0)) * dx;
+      const Four y = row_y + cv::v_setall_f32(m(1, 0)) * dx;
+      // Rounding may carry a corner just across zero.
+      cv::v_store(out, SampleFour(origin, step, cv::v_max(x, zero), cv::v_max(y, zero)));
     }
   }
   return true;
@@ -100,28 +172,36 @@ bool SampleWarped(const cv::Mat& image, const Eigen::Vector2d& pixel,
 
 // The derivative of a normalised patch has neither a mean nor a part along the patch itself.
 void ProjectGradient(const Patch& value, float deviation, Patch& gradient) {
-  float sum = 0;
-  for (float g : gradient) sum += g;
-  for (float& g : gradient) g = (g - sum / kArea) / deviation;
-  const float along = Dot(value, gradient) / kArea;
-  for (int i = 0; i < kArea; ++i) gradient[i] -= along * value[i];
+  ShiftAndScale(Sum(gradient) / kArea, 1 / deviation, gradient);
+  const Four along = cv::v_setall_f32(Dot(value, gradient) / kArea);
+  for (std::size_t i = 0; i < gradient.values.size(); i += 4) {
+    float* g = gradient.values.data() + i;
+    cv::v_store_aligned(
+        g, cv::v_load_aligned(g) - along * cv::v_load_aligned(value.values.data() + i));
+  }
 }
 
 bool MakeTemplate(const cv::Mat& reference, const Eigen::Vector2d& pixel,
                   const Eigen::Matrix2d& current_from_reference, Template& result) {
-  constexpr int kWide = kSide + 2;
-  std::array<float, kWide * kWide> samples;
+  WidePatch samples;
   if (!SampleWarped(reference, pixel, current_from_reference.inverse(), samples)) return false;
+  const Four half = cv::v_setall_f32(0.5F), all = cv::v_setall_f32(1), last = LastOfRow();
   for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      const float* s = samples.data() + (y + 1) * kWide + x + 1;
-      result.value[y * kSide + x] = s[0];
-      result.gradient_x[y * kSide + x] = 0.5f * (s[1] - s[-1]);
-      result.gradient_y[y * kSide + x] = 0.5f * (s[kWide] - s[-kWide]);
+    for (int x = 0; x < kRow; x += 4) {
+      const float* s = samples.data() + static_cast<std::ptrdiff_t>(y + 1) * kWideRow + x + 1;
+      const Four valid = x + 4 < kRow ? all : last;
+      const Four dx = cv::v_load(s + 1) - cv::v_load(s - 1);
+      const Four dy = cv::v_load(s + kWideRow) - cv::v_load(s - kWideRow);
+      cv::v_store_aligned(result.value.row(y) + x, cv::v_load(s) * valid);
+      cv::v_store_aligned(result.gradient_x.row(y) + x, half * dx * valid);
+      cv::v_store_aligned(result.gradient_y.row(y) + x, half * dy * valid);
     }
   }
-  const float deviation = Normalize(result.value);
+  result.level = Sum(result.value) / kArea;
+  ShiftAndScale(result.level, 1, result.value);
+  const float deviation = std::sqrt(Dot(result.value, result.value) / kArea);
   if (deviation < kMinDeviation) return false;
+  ShiftAndScale(0, 1 / deviation, result.value);
   ProjectGradient(result.value, deviation, result.gradient_x);
   ProjectGradient(result.value, deviation, result.gradient_y);
 
@@ -136,6 +216,12 @@ bool MakeTemplate(const cv::Mat& reference, const Eigen::Vector2d& pixel,
   return true;
 }
 
+// The deviation of a patch from its mean.
+float Deviation(const Patch& patch) {
+  const float mean = Sum(patch) / kArea;
+  return std::sqrt(std::max(Dot(patch, patch) / kArea - mean * mean, 0.0F));
+}
+
 }  // namespace
 
 PatchAlignment AlignPatch(const cv::Mat& reference, const Eigen::Vector2d& reference_pixel,
@@ -148,15 +234,15 @@ PatchAlignment AlignPatch(const cv::Mat& reference, const Eigen::Vector2d& refer
   Template model;
   if (!MakeTemplate(reference, reference_pixel, current_from_reference, model)) return result;
 
+  // The gradients have neither a mean nor a part along the template: their product with the
+  // normalised patch less the template is that with the patch, but for the patch's deviation.
   Patch patch;
   for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
-    if (!SampleTranslated(current, result.pixel, patch)) return result;
-    if (Normalize(patch) < kMinDeviation) return result;
-    Patch residual;
-    for (int i = 0; i < kArea; ++i) residual[i] = patch[i] - model.value[i];
-    const Eigen::Vector2d right_side(Dot(model.gradient_x, residual),
-                                     Dot(model.gradient_y, residual));
-    const Eigen::Vector2d step = model.hessian_inverse * right_side;
+    if (!SampleTranslated(current, result.pixel, model.level, patch)) return result;
+    const float deviation = Deviation(patch);
+    if (deviation < kMinDeviation) return result;
+    const Eigen::Vector2d right_side(Dot(model.gradient_x, patch), Dot(model.gradient_y, patch));
+    const Eigen::Vector2d step = model.hessian_inverse * right_side / deviation;
     result.pixel -= step;
     if (!((result.pixel - guess).norm() <= options.max_displacement)) return result;
     if (step.norm() < options.convergence) {
@@ -164,12 +250,12 @@ PatchAlignment AlignPatch(const cv::Mat& reference, const Eigen::Vector2d& refer
       break;
     }
   }
-  if (!SampleTranslated(current, result.pixel, patch)) {
+  if (!SampleTranslated(current, result.pixel, model.level, patch)) {
     result.converged = false;
     return result;
   }
-  Normalize(patch);
-  result.correlation = Dot(patch, model.value) / kArea;
+  const float deviation = std::max(Deviation(patch), 1e-6F);
+  result.correlation = Dot(patch, model.value) / (kArea * deviation);
   result.converged = result.converged && result.correlation >= options.min_correlation;
   return result;
 }

@@ -85,5 +85,20 @@ TEST(PatchAlignment, RefusesPlacesOutsideTheImages) {
   EXPECT_FALSE(AlignPatch(image, {50, 40}, kIdentity, image, {-500, 1e9}, {}).converged);
 }
 
+TEST(PatchAlignment, ReachesTheBorder) {
+  // Images of their own memory, of which a patch uses the last pixel and nothing beyond.
+  const cv::Mat reference = Render(kIdentity, {0, 0}, 1, 0);
+  const Eigen::Vector2d first(6.1, 6.2), last(reference.cols - 7.1, reference.rows - 7.2);
+  const Eigen::Vector2d outward(0.7, 0.6);
+  const auto expect_found = [&](const Eigen::Vector2d& pixel, const Eigen::Vector2d& shift) {
+    const cv::Mat current = Render(kIdentity, shift, 1, 0);
+    const PatchAlignment found = AlignPatch(reference, pixel, kIdentity, current, pixel, {});
+    ASSERT_TRUE(found.converged);
+    EXPECT_LT((found.pixel - (pixel - shift)).norm(), 0.03);
+  };
+  expect_found(first, outward);
+  expect_found(last, -outward);
+}
+
 }  // namespace
 }  // namespace airslam

@@ -11,28 +11,13 @@
 #include <utility>
 
 #include "airslam/common/error.h"
+#include "airslam/neural/line_cells.h"
+#include "airslam/neural/line_support.h"
 
 namespace airslam {
 namespace {
 
 constexpr float kHalfPi = std::numbers::pi_v<float> / 2;
-
-float Sigmoid(float x) { return 1 / (1 + std::exp(-x)); }
-
-float Logit(float probability) { return std::log(probability / (1 - probability)); }
-
-float Distance(const Keypoint& p, const Keypoint& q) {
-  return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y));
-}
-
-// Pixel of the centre of a cell.
-float Centre(int cell, int stride) {
-  return static_cast<float>(cell * stride) + static_cast<float>(stride - 1) / 2;
-}
-
-std::ptrdiff_t Plane(const LineMaps& maps) {
-  return static_cast<std::ptrdiff_t>(maps.width) * maps.height;
-}
 
 // Pixels that lines keep away from: masked ones and those within `border` of them. Empty when
 // nothing is masked.
@@ -65,64 +50,82 @@ float ForbiddenShare(const cv::Mat& forbidden, const Keypoint& a, const Keypoint
   return static_cast<float>(count) / static_cast<float>(steps + 1);
 }
 
-// Finds the nearest of some points, if one is nearer than `radius`: points are sorted into square
-// buckets of that side, and the nearest lies in one of the nine around.
+// Finds the nearest of some points, if one is nearer than `radius`: each square bucket of the
+// image, and of what is around it, lists all points that can be.
 class NearestJunction {
  public:
   NearestJunction(std::span<const Keypoint> points, float radius, int width, int height)
-      : points_(points),
-        radius_(radius),
-        columns_(static_cast<int>(static_cast<float>(width) / radius) + 1),
-        rows_(static_cast<int>(static_cast<float>(height) / radius) + 1),
-        buckets_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_)) {
+      : radius_(radius),
+        side_(std::max(radius / 2, 4.0F)),
+        columns_(Place(static_cast<float>(width) + radius) + 1),
+        rows_(Place(static_cast<float>(height) + radius) + 1),
+        begin_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1, 0) {
+    for (const Keypoint& p : points) {
+      VisitBuckets(p, [this](std::size_t bucket) { ++begin_[bucket + 1]; });
+    }
+    std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+    listed_.resize(begin_.back());
+    std::vector<std::uint32_t> end(begin_.begin(), begin_.end() - 1);
     for (std::size_t i = 0; i < points.size(); ++i) {
-      buckets_[Index(Row(points[i].y), Column(points[i].x))].push_back(static_cast<int>(i));
+      VisitBuckets(points[i], [&](std::size_t bucket) {
+        listed_[end[bucket]++] = {points[i].x, points[i].y, static_cast<int>(i)};
+      });
     }
   }
 
   // Index of the point (of equally near ones the first) and its distance; -1 when there is none.
   std::pair<int, float> Find(float x, float y) const {
     // Written so that not-a-number is far away, too.
-    if (!(x > -radius_ && y > -radius_ && x < radius_ * static_cast<float>(columns_ + 1) &&
-          y < radius_ * static_cast<float>(rows_ + 1))) {
-      return {-1, 0.0F};
-    }
-    const int row = static_cast<int>(std::floor(y / radius_));
-    const int column = static_cast<int>(std::floor(x / radius_));
+    if (!(x > -radius_ && y > -radius_)) return {-1, 0.0F};
+    const int column = Place(std::min(x, 1e9F)), row = Place(std::min(y, 1e9F));
+    if (column >= columns_ || row >= rows_) return {-1, 0.0F};
+    const std::size_t bucket = Index(row, column);
     int best = -1;
     float best_squared = radius_ * radius_;
-    for (int r = std::max(row - 1, 0); r <= std::min(row + 1, rows_ - 1); ++r) {
-      for (int c = std::max(column - 1, 0); c <= std::min(column + 1, columns_ - 1); ++c) {
-        for (const int i : buckets_[Index(r, c)]) {
-          const Keypoint& p = points_[static_cast<std::size_t>(i)];
-          const float squared = (p.x - x) * (p.x - x) + (p.y - y) * (p.y - y);
-          if (squared < best_squared || (squared == best_squared && i < best)) {
-            best = i;
-            best_squared = squared;
-          }
-        }
-      }
+    for (std::uint32_t k = begin_[bucket]; k < begin_[bucket + 1]; ++k) {
+      const Listed& p = listed_[k];
+      const float squared = (p.x - x) * (p.x - x) + (p.y - y) * (p.y - y);
+      best = squared < best_squared ? p.index : best;
+      best_squared = std::min(best_squared, squared);
     }
     return {best, std::sqrt(best_squared)};
   }
 
  private:
-  int Row(float y) const { return std::clamp(static_cast<int>(y / radius_), 0, rows_ - 1); }
-  int Column(float x) const { return std::clamp(static_cast<int>(x / radius_), 0, columns_ - 1); }
+  struct Listed {
+    float x, y;
+    int index;
+  };
+
+  // Bucket of a coordinate of at least -radius; the first begins there.
+  int Place(float pixel) const { return static_cast<int>((pixel + radius_) / side_); }
   std::size_t Index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(column);
   }
 
-  std::span<const Keypoint> points_;
-  float radius_;
+  // All buckets that hold a place within the radius of a point, give or take rounding.
+  template <typename Visitor>
+  void VisitBuckets(const Keypoint& p, Visitor&& visit) const {
+    const float reach = 1.001F * radius_;
+    const int first_column = Place(std::max(p.x - reach, -radius_));
+    const int first_row = Place(std::max(p.y - reach, -radius_));
+    const int last_column = std::min(Place(p.x + reach), columns_ - 1);
+    const int last_row = std::min(Place(p.y + reach), rows_ - 1);
+    for (int row = first_row; row <= last_row; ++row) {
+      for (int column = first_column; column <= last_column; ++column) visit(Index(row, column));
+    }
+  }
+
+  float radius_, side_;
   int columns_, rows_;
-  std::vector<std::vector<int>> buckets_;
+  std::vector<std::uint32_t> begin_;  // of each bucket's list, and the end of the last
+  std::vector<Listed> listed_;        // in the order of the points in each bucket
 };
 
 // A cell's segment after snapping.
 struct Vote {
-  std::uint32_t key;  // first junction * number of junctions + second, the first the smaller
+  int first, second;  // junctions, first < second
   float distance;     // of both ends to their junctions, summed
   float confidence;
 };
@@ -132,7 +135,6 @@ std::vector<Vote> CollectVotes(const LineMaps& maps, std::span<const Keypoint> j
   const NearestJunction nearest(junctions, options.snap, maps.width * options.stride,
                                 maps.height * options.stride);
   const float threshold = Logit(options.min_confidence);
-  const auto count = static_cast<std::uint32_t>(junctions.size());
   std::vector<Vote> votes;
   for (int row = 0; row < maps.height; ++row) {
     const float* logits = maps.field + static_cast<std::ptrdiff_t>(row) * maps.width;
@@ -143,94 +145,12 @@ std::vector<Vote> CollectVotes(const LineMaps& maps, std::span<const Keypoint> j
       if (first < 0) continue;
       const auto [second, distance2] = nearest.Find(line[2], line[3]);
       if (second < 0 || second == first) continue;
-      const auto low = static_cast<std::uint32_t>(std::min(first, second));
-      const auto high = static_cast<std::uint32_t>(std::max(first, second));
-      votes.push_back({low * count + high, distance1 + distance2, Sigmoid(logits[column])});
+      votes.push_back({std::min(first, second), std::max(first, second), distance1 + distance2,
+                       Sigmoid(logits[column])});
     }
   }
   return votes;
 }
-
-// Samples along a line, in sixteenths and a half. The middle comes first: near its ends other lines
-// of the junctions may agree, so that what is no line shows there last.
-constexpr std::array<int, 16> kSupportOrder = {8, 4, 12, 6, 10, 2, 14, 7,
-                                               9, 5, 11, 3, 13, 1, 0,  15};
-constexpr int kSupportSamples = static_cast<int>(kSupportOrder.size());
-constexpr float kSupportOffset = 5;    // pixels
-constexpr float kSupportDistance = 4;  // pixels
-constexpr float kSupportCosine = 0.85F;
-constexpr float kSupportConfidence = 0.2F;
-
-// The line that each cell sees: its foot on it and its direction there.
-class SeenLines {
- public:
-  SeenLines(const LineMaps& maps, const LineDecoderOptions& options)
-      : width_(maps.width),
-        height_(maps.height),
-        offset_(Centre(0, options.stride)),
-        per_stride_(1 / static_cast<float>(options.stride)) {
-    const std::ptrdiff_t plane = Plane(maps);
-    const float threshold = Logit(kSupportConfidence);
-    cells_.resize(static_cast<std::size_t>(plane));
-    for (std::ptrdiff_t i = 0; i < plane; ++i) {
-      const float* cell = maps.field + i;
-      if (!(*cell > threshold)) continue;
-      const float b = cell[2 * plane], c = cell[3 * plane];
-      const float norm = std::max(std::sqrt(b * b + c * c), 1e-6F);
-      const float d = options.reach * Sigmoid(cell[plane]);
-      Seen& seen = cells_[static_cast<std::size_t>(i)];
-      seen.cosine = b / norm;
-      seen.sine = c / norm;
-      seen.x = Centre(static_cast<int>(i % maps.width), options.stride) + d * seen.cosine;
-      seen.y = Centre(static_cast<int>(i / maps.width), options.stride) + d * seen.sine;
-    }
-  }
-
-  // Share of the samples between two junctions that agree; stops where fewer than `least` can.
-  float Support(const Keypoint& p, const Keypoint& q, float least) const {
-    const float length = Distance(p, q);
-    if (!(length > 0)) return 0;
-    const Line line{p.x, p.y, (p.y - q.y) / length, (q.x - p.x) / length};
-    int agree = 0;
-    for (int i = 0; i < kSupportSamples; ++i) {
-      const auto place = static_cast<float>(kSupportOrder[static_cast<std::size_t>(i)]);
-      const float t = (place + 0.5F) / kSupportSamples;
-      const float x = p.x + t * (q.x - p.x), y = p.y + t * (q.y - p.y);
-      agree += Agrees(line, x, y, -kSupportOffset) | Agrees(line, x, y, kSupportOffset);
-      if (static_cast<float>(agree + kSupportSamples - 1 - i) < least * kSupportSamples) return 0;
-    }
-    return static_cast<float>(agree) / kSupportSamples;
-  }
-
- private:
-  // Cosine and sine of 0 mark a cell that sees no line.
-  struct Seen {
-    float x = 0, y = 0, cosine = 0, sine = 0;
-  };
-  struct Line {
-    float x, y, normal_x, normal_y;
-  };
-
-  // 1 or 0, without a branch: which it will be cannot be foreseen.
-  int Agrees(const Line& line, float x, float y, float side) const {
-    const auto cell = [this](float pixel, int size) {
-      const float c = (pixel - offset_) * per_stride_ + 0.5F;  // rounded down: the nearest cell
-      return std::min(static_cast<int>(std::max(c, 0.0F)), size - 1);
-    };
-    const int column = cell(x + side * line.normal_x, width_);
-    const int row = cell(y + side * line.normal_y, height_);
-    const Seen& seen = cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
-                              static_cast<std::size_t>(column)];
-    const float distance = (seen.x - line.x) * line.normal_x + (seen.y - line.y) * line.normal_y;
-    const float along = seen.cosine * line.normal_x + seen.sine * line.normal_y;
-    return static_cast<int>(std::abs(distance) < kSupportDistance) &
-           static_cast<int>(std::abs(along) > kSupportCosine);
-  }
-
-  int width_, height_;
-  float offset_, per_stride_;  // of cells: their first centre, and cells a pixel
-  std::vector<Seen> cells_;
-};
 
 // What speaks for one pair of junctions.
 struct Candidate {
@@ -242,44 +162,57 @@ struct Candidate {
   float rank = 0;
 };
 
-// Pairs with votes, in the order of their keys.
-std::vector<Candidate> CountVotes(std::vector<Vote> votes, int junctions) {
-  // Stable, so that sums are taken in the order of the cells.
-  std::stable_sort(votes.begin(), votes.end(),
-                   [](const Vote& a, const Vote& b) { return a.key < b.key; });
-  std::vector<Candidate> counted;
-  std::uint32_t key = 0;
-  for (const Vote& vote : votes) {
-    if (counted.empty() || vote.key != key) {
-      key = vote.key;
-      const auto first = static_cast<int>(key / static_cast<std::uint32_t>(junctions));
-      const auto second = static_cast<int>(key % static_cast<std::uint32_t>(junctions));
-      counted.push_back({.first = first, .second = second, .nearest = vote.distance});
-    }
-    ++counted.back().votes;
-    counted.back().nearest = std::min(counted.back().nearest, vote.distance);
-    counted.back().confidence += vote.confidence;
+// The votes for pairs of each junction with later ones, in the order of the cells.
+class VotesByJunction {
+ public:
+  VotesByJunction(std::span<const Vote> votes, std::size_t junctions)
+      : begin_(junctions + 1, 0), votes_(votes.size()) {
+    for (const Vote& vote : votes) ++begin_[static_cast<std::size_t>(vote.first) + 1];
+    std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+    std::vector<std::size_t> end(begin_.begin(), begin_.end() - 1);
+    for (const Vote& vote : votes) votes_[end[static_cast<std::size_t>(vote.first)]++] = vote;
   }
-  return counted;
+
+  std::span<const Vote> Of(std::size_t first) const {
+    return std::span(votes_).subspan(begin_[first], begin_[first + 1] - begin_[first]);
+  }
+
+ private:
+  std::vector<std::size_t> begin_;  // of each junction's votes, and the end of the last's
+  std::vector<Vote> votes_;
+};
+
+// Sums up the votes of one junction; pairs[second] is that with the junction `second`.
+void CountVotes(std::span<const Vote> votes, std::span<Candidate> pairs) {
+  for (const Vote& vote : votes) {
+    Candidate& pair = pairs[static_cast<std::size_t>(vote.second)];
+    pair.nearest = pair.votes == 0 ? vote.distance : std::min(pair.nearest, vote.distance);
+    pair.confidence += vote.confidence;
+    ++pair.votes;
+  }
 }
 
 // All pairs with votes or with support, best first, ties by junction indices.
 std::vector<Candidate> CollectCandidates(const LineMaps& maps, std::span<const Keypoint> junctions,
                                          const LineDecoderOptions& options) {
-  const auto count = static_cast<int>(junctions.size());
-  const std::vector<Candidate> voted = CountVotes(CollectVotes(maps, junctions, options), count);
+  const VotesByJunction votes(CollectVotes(maps, junctions, options), junctions.size());
   const SeenLines seen(maps, options);
+  std::vector<std::uint8_t> possible(junctions.size());
+  std::vector<Candidate> pairs(junctions.size(), Candidate{.nearest = 2 * options.snap});
   std::vector<Candidate> candidates;
-  auto next = voted.begin();
-  for (int i = 0; i < count; ++i) {
-    const Keypoint& p = junctions[static_cast<std::size_t>(i)];
-    for (int j = i + 1; j < count; ++j) {
-      const Keypoint& q = junctions[static_cast<std::size_t>(j)];
-      const bool has_votes = next != voted.end() && next->first == i && next->second == j;
-      Candidate candidate{.first = i, .second = j, .nearest = 2 * options.snap};
-      if (has_votes) candidate = *next++;
-      candidate.support = seen.Support(p, q, has_votes ? 0 : options.min_support);
-      if (!has_votes && !(candidate.support >= options.min_support)) continue;
+  for (std::size_t i = 0; i < junctions.size(); ++i) {
+    const Keypoint& p = junctions[i];
+    seen.FindPossible(p, junctions.subspan(i + 1), options.min_support,
+                      std::span(possible).subspan(i + 1));
+    CountVotes(votes.Of(i), pairs);
+    for (std::size_t j = i + 1; j < junctions.size(); ++j) {
+      if (pairs[j].votes == 0 && possible[j] == 0) continue;
+      const Keypoint& q = junctions[j];
+      Candidate candidate = std::exchange(pairs[j], Candidate{.nearest = 2 * options.snap});
+      candidate.first = static_cast<int>(i);
+      candidate.second = static_cast<int>(j);
+      candidate.support = seen.Support(p, q);
+      if (candidate.votes == 0 && !(candidate.support >= options.min_support)) continue;
       const float cells = Distance(p, q) / static_cast<float>(options.stride) + 1;
       candidate.rank = p.score * q.score *
                        (candidate.support + std::min(candidate.confidence / cells, 2.0F) / 2);
@@ -384,7 +317,7 @@ std::vector<Keypoint> FindJunctions(const LineMaps& maps, cv::Size image_size, c
 
 float LineSupport(const LineMaps& maps, const Keypoint& start, const Keypoint& end,
                   const LineDecoderOptions& options) {
-  return SeenLines(maps, options).Support(start, end, 0);
+  return SeenLines(maps, options).Support(start, end);
 }
 
 std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Keypoint> junctions,
