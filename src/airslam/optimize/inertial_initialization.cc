@@ -1,28 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/optimize/inertial_initialization.h"
 
-#include <ceres/crs_matrix.h>
-#include <ceres/normal_prior.h>
-#include <ceres/problem.h>
-#include <ceres/solver.h>
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
 #include "airslam/common/error.h"
 #include "airslam/geometry/so3.h"
-#include "airslam/optimize/inertial_factor.h"
-#include "airslam/optimize/pose_parameter.h"
-#include "airslam/optimize/pose_prior_factor.h"
+#include "airslam/optimize/inertial_refinement.h"
+#include "airslam/optimize/time_offset.h"
 
 namespace airslam {
 namespace {
@@ -38,12 +29,6 @@ Eigen::Matrix<double, 3, 2> Across(const Vector3d& direction) {
   across.col(0) = direction.unitOrthogonal();
   across.col(1) = direction.normalized().cross(across.col(0));
   return across;
-}
-
-// Largest standard deviation of any direction.
-double WorstSigma(const Eigen::MatrixXd& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, eigen.eigenvalues().maxCoeff()));
 }
 
 class Initializer {
@@ -74,7 +59,8 @@ class Initializer {
     SolveVelocitiesAndGravity();
     if (!CheckGravity()) return result_;
     for (int i = 0; i < 3; ++i) SolveAccelerometerBias();
-    SolveJointly();
+    for (ImuPreintegration& part : between_) part.Reintegrate(result_.bias);
+    RefineInertial(options_, frames_, between_, body_from_cam_, result_);
     CheckEstimate();
     return result_;
   }
@@ -102,7 +88,6 @@ class Initializer {
   void SolveVelocitiesAndGravity();
   bool CheckGravity();
   void SolveAccelerometerBias();
-  void SolveJointly();
   bool CheckEstimate();
 
   // Rows of the linear systems: what interval i says of velocities (3 a frame) and gravity.
@@ -111,14 +96,6 @@ class Initializer {
     Vector3d velocity, position;  // right-hand sides, in world
   };
   IntervalRows RowsOf(int i) const;
-
-  // What the joint refinement moves.
-  struct JointState {
-    std::vector<PoseParameter> poses;
-    BiasParameter bias;
-  };
-  void AddFactors(JointState& state, ceres::Problem& problem);
-  void ReadSigmas(JointState& state, ceres::Problem& problem);
 
   const InertialInitializationOptions& options_;
   const std::vector<InertialFrame>& frames_;
@@ -336,92 +313,6 @@ void Initializer::SolveAccelerometerBias() {
   result_.bias.accelerometer += x.tail<3>();
 }
 
-void Initializer::AddFactors(JointState& state, ceres::Problem& problem) {
-  double* gravity = result_.gravity_in_world.data();
-  for (int i = 0; i < size(); ++i) {
-    double* pose = state.poses[i].data();
-    const PosePrior prior{frames_[i].world_from_cam, options_.sigma_rotation,
-                          options_.sigma_position};
-    problem.AddResidualBlock(new PosePriorFactor(prior), nullptr, pose);
-    problem.SetManifold(pose, new PoseManifold);
-  }
-  for (int i = 0; i + 1 < size(); ++i) {
-    problem.AddResidualBlock(new InertialFactor(between_[i], body_from_cam_), nullptr,
-                             state.poses[i].data(), result_.velocities_in_world[i].data(),
-                             state.bias.data(), state.poses[i + 1].data(),
-                             result_.velocities_in_world[i + 1].data(), gravity);
-  }
-  problem.SetManifold(gravity, new GravityManifold);
-  Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(3, 6);
-  prior.rightCols<3>() = Matrix3d::Identity() / options_.sigma_accelerometer_bias;
-  problem.AddResidualBlock(new ceres::NormalPrior(prior, Eigen::VectorXd::Zero(6)), nullptr,
-                           state.bias.data());
-}
-
-void Initializer::SolveJointly() {
-  for (ImuPreintegration& part : between_) part.Reintegrate(result_.bias);
-  JointState state;
-  for (const InertialFrame& frame : frames_) {
-    state.poses.push_back(ToParameter(frame.world_from_cam));
-  }
-  state.bias = ToParameter(result_.bias);
-  ceres::Problem problem;
-  AddFactors(state, problem);
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  solver.max_num_iterations = 10;
-  solver.num_threads = 1;
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  result_.bias = FromParameter(state.bias);
-  const int freedom =
-      problem.NumResiduals() - (9 * size() + 6 + 2);  // less poses, velocities, biases, gravity
-  result_.residual = std::sqrt(2 * summary.final_cost / std::max(1, freedom));
-  ReadSigmas(state, problem);
-}
-
-// Covariance of biases and gravity: the corner of the inverse of J'J. (ceres::Covariance orders its
-// blocks by address, so that its last digits change from run to run.)
-void Initializer::ReadSigmas(JointState& state, ceres::Problem& problem) {
-  ceres::Problem::EvaluateOptions options;
-  for (PoseParameter& pose : state.poses) options.parameter_blocks.push_back(pose.data());
-  for (Vector3d& velocity : result_.velocities_in_world) {
-    options.parameter_blocks.push_back(velocity.data());
-  }
-  double* gravity = result_.gravity_in_world.data();
-  options.parameter_blocks.push_back(state.bias.data());
-  options.parameter_blocks.push_back(gravity);
-  options.num_threads = 1;
-  ceres::CRSMatrix crs;
-  problem.Evaluate(options, nullptr, nullptr, nullptr, &crs);
-  const Eigen::SparseMatrix<double, Eigen::RowMajor> jacobian =
-      Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(
-          crs.num_rows, crs.num_cols, static_cast<Eigen::Index>(crs.values.size()), crs.rows.data(),
-          crs.cols.data(), crs.values.data());
-  const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(information);
-  Eigen::MatrixXd corner = Eigen::MatrixXd::Zero(crs.num_cols, 8);
-  corner.bottomRows<8>().setIdentity();
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Constant(8, 8, std::nan(""));
-  if (factors.info() == Eigen::Success) covariance = factors.solve(corner).bottomRows<8>();
-  if (!covariance.allFinite()) {  // nothing is known of some direction
-    result_.gyroscope_bias_sigma = result_.accelerometer_bias_sigma = result_.gravity_sigma =
-        std::numeric_limits<double>::infinity();
-    return;
-  }
-  result_.gyroscope_bias_sigma = WorstSigma(covariance.block<3, 3>(0, 0));
-  result_.accelerometer_bias_sigma = WorstSigma(covariance.block<3, 3>(3, 3));
-  // How far a step in Ceres' tangent space turns gravity is read off the manifold itself.
-  double moved[3];
-  const double step[2] = {1e-6, 0};
-  GravityManifold().Plus(gravity, step, moved);
-  const double turn = Eigen::Map<const Vector3d>(moved).cross(result_.gravity_in_world).norm() /
-                      (1e-6 * result_.gravity_in_world.squaredNorm());
-  result_.gravity_sigma = turn * WorstSigma(covariance.block<2, 2>(6, 6));
-}
-
 bool Initializer::CheckEstimate() {
   if (!(result_.residual <= options_.max_residual)) {
     return Refuse(
@@ -441,27 +332,6 @@ bool Initializer::CheckEstimate() {
         result_.accelerometer_bias_sigma);
   }
   return true;
-}
-
-// Sum of squares of the turns' errors (rad) at one shift, with the best bias for it.
-double TurnCost(const std::vector<InertialFrame>& frames, const ImuBuffer& imu,
-                const Vector3d& bias, const Rigid3& body_from_cam, std::int64_t shift_ns) {
-  double squares = 0, time_square = 0;
-  Vector3d time_error = Vector3d::Zero();
-  for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    const std::int64_t begin = frames[i].timestamp_ns, end = frames[i + 1].timestamp_ns;
-    const Eigen::Quaterniond seen =
-        body_from_cam.rotation * frames[i].world_from_cam.rotation.conjugate() *
-        frames[i + 1].world_from_cam.rotation * body_from_cam.rotation.conjugate();
-    const Vector3d error = LogSO3(
-        GyroscopeTurn(imu.Between(begin + shift_ns, end + shift_ns).samples, bias).conjugate() *
-        seen);
-    const double t = 1e-9 * static_cast<double>(end - begin);
-    squares += error.squaredNorm();
-    time_error += t * error;
-    time_square += t * t;
-  }
-  return squares - time_error.squaredNorm() / time_square;
 }
 
 }  // namespace
@@ -503,33 +373,6 @@ std::string_view ToString(InertialRefusal refusal) {
       return "inconsistent";
   }
   return "unknown";
-}
-
-TimeOffsetEstimate EstimateTimeOffset(const InertialInitializationOptions& options,
-                                      const std::vector<InertialFrame>& frames,
-                                      const ImuBuffer& imu, const Eigen::Vector3d& gyroscope_bias,
-                                      const Rigid3& body_from_cam) {
-  if (frames.size() < 4) return {};
-  const double step = options.time_offset_step;
-  const int half = static_cast<int>(options.time_offset_search / step + 0.5);
-  std::vector<double> costs;
-  for (int k = -half; k <= half; ++k) {
-    costs.push_back(
-        TurnCost(frames, imu, gyroscope_bias, body_from_cam, std::llround(1e9 * step * k)));
-  }
-  const int best = static_cast<int>(std::min_element(costs.begin(), costs.end()) - costs.begin());
-  TimeOffsetEstimate estimate;
-  estimate.offset = step * (best - half);
-  if (best == 0 || best == 2 * half) return estimate;
-  // A parabola through the minimum and its neighbours.
-  const double curvature = (costs[best - 1] - 2 * costs[best] + costs[best + 1]) / (step * step);
-  if (!(curvature > 0)) return estimate;
-  estimate.offset += -(costs[best + 1] - costs[best - 1]) / (2 * step * curvature);
-  // The errors' variance as it is found; less the biases and the offset in freedom.
-  const double freedom = 3.0 * static_cast<double>(frames.size() - 1) - 4;
-  const double variance = std::max(costs[best] / freedom, 1e-10);
-  estimate.sigma = std::sqrt(2 * variance / curvature);
-  return estimate;
 }
 
 InertialInitialization InitializeInertial(const InertialInitializationOptions& options,
