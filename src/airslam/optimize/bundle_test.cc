@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/optimize/bundle.h"
 
+#include <ceres/problem.h>
+#include <ceres/solver.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 #include "airslam/geometry/so3.h"
+#include "airslam/optimize/point_factor.h"
 #include "airslam/optimize/pose_optimization.h"
+#include "airslam/optimize/pose_parameter.h"
 
 namespace airslam {
 namespace {
@@ -175,6 +180,57 @@ TEST(OptimizePose, TheInformationIsThatOfTheScatter) {
     nees += error.dot(information * error) / kRuns;
   }
   EXPECT_NEAR(nees, 6, 4 * std::sqrt(2 * 6.0 / kRuns));  // 4 standard deviations of the mean
+}
+
+// The least squares of points, some without a right image, and a prior, as Ceres finds them.
+Rigid3 PoseByCeres(const StereoCamera& stereo, std::vector<PointConstraint> constraints,
+                   const Rigid3& start, const PosePrior& prior) {
+  PoseParameter pose = ToParameter(start);
+  ceres::Problem problem;
+  for (PointConstraint& c : constraints) {
+    problem.AddResidualBlock(new PointFactor(stereo, c.observation), nullptr, pose.data(),
+                             c.point_in_world.data());
+    problem.SetParameterBlockConstant(c.point_in_world.data());
+  }
+  problem.AddResidualBlock(new PosePriorFactor(prior), nullptr, pose.data());
+  problem.SetManifold(pose.data(), new PoseManifold);
+  ceres::Solver::Options options;
+  options.function_tolerance = options.parameter_tolerance = 1e-14;
+  options.max_num_iterations = 100;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  return FromParameter(pose);
+}
+
+TEST(OptimizePose, EndsWhereCeresDoes) {
+  const Scene scene = MakeScene(1, 60, 0);
+  std::vector<PointConstraint> constraints;
+  for (const auto& o : scene.observations) {
+    constraints.push_back({scene.points[o.point], o.seen});
+    if (constraints.size() % 3 == 0) constraints.back().observation.right_x = -1;
+  }
+  const Rigid3 start = Disturb(scene.poses[0], 0.03, 0.1);
+  const PosePrior prior(Disturb(scene.poses[0], 0.002, 0.005), 0.001, 0.003);
+  const Rigid3 expected = PoseByCeres(scene.stereo, constraints, start, prior);
+  // One round is without a robust loss; no observation is an outlier.
+  const Rigid3 found = OptimizePose(scene.stereo, constraints, start, prior,
+                                    {.rounds = 1, .iterations_per_round = 30, .max_error = 1e3})
+                           .world_from_cam;
+  EXPECT_GT((expected.translation - prior.world_from_cam.translation).norm(), 1e-4);
+  EXPECT_LT((expected.translation - found.translation).norm(), 1e-6);
+  EXPECT_LT(expected.rotation.angularDistance(found.rotation), 1e-6);
+}
+
+TEST(OptimizePose, StaysWhereNumbersAreNone) {
+  const Scene scene = MakeScene(1, 60, 0);
+  std::vector<PointConstraint> constraints;
+  for (const auto& o : scene.observations) constraints.push_back({scene.points[o.point], o.seen});
+  constraints[3].point_in_world.x() = std::numeric_limits<double>::quiet_NaN();
+  const Rigid3 start = Disturb(scene.poses[0], 0.01, 0.02);
+  const PoseOptimizationResult result = OptimizePose(scene.stereo, constraints, start, {}, {});
+  EXPECT_TRUE(result.world_from_cam.translation.allFinite());
+  EXPECT_FALSE(result.inlier[3]);
 }
 
 TEST(OptimizePose, TooFewConstraintsGiveNoInliers) {

@@ -30,18 +30,4 @@ bool LineFactor::Evaluate(double const* const* parameters, double* residuals,
   return true;
 }
 
-FixedLineFactor::FixedLineFactor(const StereoCamera& stereo, const LineObservation& observation,
-                                 const PluckerLine& line_in_world)
-    : factor_(stereo, observation), line_in_world_(ToParameter(line_in_world)) {
-  set_num_residuals(factor_.num_residuals());
-  *mutable_parameter_block_sizes() = {7};
-}
-
-bool FixedLineFactor::Evaluate(double const* const* parameters, double* residuals,
-                               double** jacobians) const {
-  const double* blocks[] = {parameters[0], line_in_world_.data()};
-  double* by_block[] = {jacobians != nullptr ? jacobians[0] : nullptr, nullptr};
-  return factor_.Evaluate(blocks, residuals, jacobians != nullptr ? by_block : nullptr);
-}
-
 }  // namespace airslam

@@ -26,18 +26,4 @@ class LineFactor final : public ceres::CostFunction {
   LineObservation observation_;
 };
 
-// The same with a line that is known: one parameter block, the pose (7).
-class FixedLineFactor final : public ceres::CostFunction {
- public:
-  FixedLineFactor(const StereoCamera& stereo, const LineObservation& observation,
-                  const PluckerLine& line_in_world);
-
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  LineFactor factor_;
-  LineParameter line_in_world_;
-};
-
 }  // namespace airslam

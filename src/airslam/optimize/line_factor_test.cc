@@ -110,12 +110,6 @@ TEST(LineFactor, JacobianOfALineThroughTheWorldsOrigin) {
   CheckGradient(LineFactor(kStereo, kBoth), {pose.data(), line.data()});
 }
 
-TEST(FixedLineFactor, Jacobian) {
-  const PoseParameter pose = ToParameter(kWorldFromCam);
-  CheckGradient(FixedLineFactor(kStereo, kMono, InWorld(kInCam)), {pose.data()});
-  CheckGradient(FixedLineFactor(kStereo, kBoth, InWorld(kInCam)), {pose.data()});
-}
-
 TEST(LineFactor, LineWithoutAnImageIsAnOutlierWithoutDerivative) {
   const PoseParameter pose = ToParameter(kWorldFromCam);
   const SpaceSegment through_left{{0, 0, 0}, {0.1, 0.2, 1}};
@@ -267,28 +261,6 @@ TEST(LineFactor, BundleOfLinesRecoversPosesAndLinesFromNoise) {
   EXPECT_LT(errors.position, 0.01);
   EXPECT_LT(errors.angle, 0.002);
   EXPECT_LT(errors.line, 0.03);
-}
-
-TEST(FixedLineFactor, KnownLinesGiveThePose) {
-  const Scene scene = MakeScene(1, 40, kSigma);
-  PoseParameter pose =
-      ToParameter(scene.world_from_cam[0] * Rigid3(ExpSO3({0.03, -0.04, 0.02}), {0.1, -0.1, 0.05}));
-  ceres::Problem problem;
-  for (const Scene::Sighting& s : scene.sightings) {
-    const SpaceSegment& truth = scene.in_world[s.line];
-    const PluckerLine line = PluckerLine::FromPoints(truth.start, truth.end).value();
-    LineObservation seen = s.seen;
-    seen.right.reset();
-    problem.AddResidualBlock(new FixedLineFactor(kStereo, seen, line), nullptr, pose.data());
-  }
-  problem.SetManifold(pose.data(), new PoseManifold);
-  ceres::Solver::Options options;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  const Rigid3 error = scene.world_from_cam[0].Inverse() * FromParameter(pose);
-  EXPECT_LT(error.translation.norm(), 0.004);
-  EXPECT_LT(error.Angle(), 0.001);
 }
 
 }  // namespace

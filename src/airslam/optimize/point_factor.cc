@@ -34,18 +34,4 @@ bool PointFactor::Evaluate(double const* const* parameters, double* residuals,
   return true;
 }
 
-FixedPointFactor::FixedPointFactor(const StereoCamera& stereo, const PointObservation& observation,
-                                   const Eigen::Vector3d& point_in_world)
-    : factor_(stereo, observation), point_in_world_(point_in_world) {
-  set_num_residuals(factor_.num_residuals());
-  *mutable_parameter_block_sizes() = {7};
-}
-
-bool FixedPointFactor::Evaluate(double const* const* parameters, double* residuals,
-                                double** jacobians) const {
-  const double* blocks[] = {parameters[0], point_in_world_.data()};
-  double* by_block[] = {jacobians != nullptr ? jacobians[0] : nullptr, nullptr};
-  return factor_.Evaluate(blocks, residuals, jacobians != nullptr ? by_block : nullptr);
-}
-
 }  // namespace airslam

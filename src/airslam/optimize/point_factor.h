@@ -25,18 +25,4 @@ class PointFactor final : public ceres::CostFunction {
   PointObservation observation_;
 };
 
-// The same with a point that is known: one parameter block, the pose (7).
-class FixedPointFactor final : public ceres::CostFunction {
- public:
-  FixedPointFactor(const StereoCamera& stereo, const PointObservation& observation,
-                   const Eigen::Vector3d& point_in_world);
-
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  PointFactor factor_;
-  Eigen::Vector3d point_in_world_;
-};
-
 }  // namespace airslam

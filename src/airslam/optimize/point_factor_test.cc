@@ -44,14 +44,6 @@ TEST(PointFactor, JacobianOfStereoAndMonocularObservations) {
   CheckGradient(PointFactor(kStereo, {{100, 200}, -1, 2.0}), {pose.data(), point.data()}, manifold);
 }
 
-TEST(FixedPointFactor, Jacobian) {
-  const PoseParameter pose = ToParameter(kWorldFromCam);
-  const PoseManifold manifold;
-  const Eigen::Vector3d point = kWorldFromCam * kPointInCam;
-  CheckGradient(FixedPointFactor(kStereo, {{100, 200}, -1, 0.7}, point), {pose.data()}, manifold);
-  CheckGradient(FixedPointFactor(kStereo, {{100, 200}, 70, 0.7}, point), {pose.data()}, manifold);
-}
-
 TEST(PointFactor, PointBehindTheCameraIsAnOutlierWithoutDerivative) {
   const PoseParameter pose = ToParameter(kWorldFromCam);
   const Eigen::Vector3d point = kWorldFromCam * Eigen::Vector3d(0, 0, -1);

@@ -6,7 +6,7 @@
 
 #include "airslam/geometry/pinhole.h"
 #include "airslam/geometry/rigid3.h"
-#include "airslam/optimize/point_factor.h"
+#include "airslam/optimize/point_residual.h"
 #include "airslam/optimize/pose_prior_factor.h"
 
 namespace airslam {
