@@ -9,7 +9,7 @@ namespace {
 
 // Mean distance between where keyframes saw the landmark and where it is, pixels.
 double MeanError(const airslam::Map& map, const airslam::Landmark& landmark,
-                 const std::vector<airslam::MapObservation>& observations) {
+                 const std::vector<airslam::FeatureRef>& observations) {
   double sum = 0;
   for (const auto& [keyframe_id, index] : observations) {
     const airslam::Keyframe& keyframe = map.keyframes.at(keyframe_id);

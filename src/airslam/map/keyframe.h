@@ -18,6 +18,12 @@ using KeyframeId = std::int32_t;  // running number in order of creation, unique
 using LandmarkId = std::int64_t;
 inline constexpr LandmarkId kNoLandmark = -1;
 
+// Where a keyframe sees something: keypoint or line `index` of keyframe `keyframe`.
+struct FeatureRef {
+  KeyframeId keyframe = -1;
+  int index = -1;
+};
+
 // A frame that is part of the map. Pixels are those of the rectified left image.
 struct Keyframe {
   KeyframeId id = -1;

@@ -9,12 +9,6 @@
 
 namespace airslam {
 
-// A landmark's place in a keyframe: keypoint or line `index` of keyframe `keyframe`.
-struct FeatureRef {
-  KeyframeId keyframe = -1;
-  int index = -1;
-};
-
 // One local bundle adjustment: a copy of what it needs, and whom its parts belong to. Solving it
 // touches nothing else, so it may run on another thread.
 struct BundleJob {

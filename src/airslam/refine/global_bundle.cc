@@ -14,11 +14,11 @@ namespace {
 
 // A bundle, and whom its parts belong to.
 struct GlobalProblem {
-  std::vector<KeyframeId> keyframes;              // of problem.world_from_cam
-  std::vector<LandmarkId> landmarks;              // of problem.points_in_world
-  std::vector<MapObservation> observations;       // of problem.observations
-  std::vector<LandmarkId> line_landmarks;         // of problem.lines_in_world
-  std::vector<MapObservation> line_observations;  // of problem.line_observations
+  std::vector<KeyframeId> keyframes;          // of problem.world_from_cam
+  std::vector<LandmarkId> landmarks;          // of problem.points_in_world
+  std::vector<FeatureRef> observations;       // of problem.observations
+  std::vector<LandmarkId> line_landmarks;     // of problem.lines_in_world
+  std::vector<FeatureRef> line_observations;  // of problem.line_observations
   BundleProblem problem;
   std::map<KeyframeId, int> positions;  // of keyframes
 };
@@ -35,7 +35,7 @@ void AddKeyframes(const Map& map, GlobalProblem& global) {
 
 // Whether keyframes saw a landmark on two visits. Odometry follows a landmark from keyframe to
 // keyframe, so that its observers follow each other but for single outliers.
-bool WasRevisited(const std::vector<MapObservation>& observations) {
+bool WasRevisited(const std::vector<FeatureRef>& observations) {
   constexpr KeyframeId kGap = 5;
   for (std::size_t i = 1; i < observations.size(); ++i) {
     if (observations[i].keyframe - observations[i - 1].keyframe > kGap) return true;
@@ -50,7 +50,7 @@ void AddPoints(const Map& map, const GlobalBundleOptions& options, GlobalProblem
     global.landmarks.push_back(landmark);
     global.problem.points_in_world.push_back(map.landmarks.at(landmark).point_in_world);
     const double sigma = WasRevisited(observations) ? options.revisit_sigma : options.pixel_sigma;
-    for (const MapObservation& observation : observations) {
+    for (const FeatureRef& observation : observations) {
       const Keyframe& keyframe = map.keyframes.at(observation.keyframe);
       const Keypoint& keypoint = keyframe.keypoints[observation.index];
       global.observations.push_back(observation);
@@ -69,7 +69,7 @@ LineObservation ObservationOf(const Keyframe& keyframe, int line, double sigma) 
 }
 
 void AddLines(const Map& map, double sigma, GlobalProblem& global) {
-  std::map<LandmarkId, std::vector<MapObservation>> seen_by;
+  std::map<LandmarkId, std::vector<FeatureRef>> seen_by;
   for (const auto& [id, keyframe] : map.keyframes) {
     for (std::size_t i = 0; i < keyframe.line_landmarks.size(); ++i) {
       if (!map.line_landmarks.contains(keyframe.line_landmarks[i])) continue;
@@ -81,7 +81,7 @@ void AddLines(const Map& map, double sigma, GlobalProblem& global) {
     const int line = static_cast<int>(global.line_landmarks.size());
     global.line_landmarks.push_back(landmark);
     global.problem.lines_in_world.push_back(map.line_landmarks.at(landmark).line_in_world());
-    for (const MapObservation& observation : observations) {
+    for (const FeatureRef& observation : observations) {
       global.line_observations.push_back(observation);
       global.problem.line_observations.push_back(
           {global.positions.at(observation.keyframe), line,
@@ -114,7 +114,7 @@ int Apply(const GlobalProblem& global, const BundleSummary& summary, Map& map) {
   int outliers = 0;
   for (std::size_t i = 0; i < global.observations.size(); ++i) {
     if (!summary.outlier[i]) continue;
-    const MapObservation& observation = global.observations[i];
+    const FeatureRef& observation = global.observations[i];
     map.keyframes.at(observation.keyframe).landmarks[observation.index] = kNoLandmark;
     ++outliers;
   }
@@ -133,7 +133,7 @@ int ApplyLines(const GlobalProblem& global, const BundleSummary& summary, Map& m
   int outliers = 0;
   for (std::size_t i = 0; i < global.line_observations.size(); ++i) {
     if (!summary.line_outlier[i]) continue;
-    const MapObservation& observation = global.line_observations[i];
+    const FeatureRef& observation = global.line_observations[i];
     map.keyframes.at(observation.keyframe).line_landmarks[observation.index] = kNoLandmark;
     ++outliers;
   }

@@ -7,12 +7,12 @@
 
 namespace airslam {
 
-std::map<LandmarkId, std::vector<MapObservation>> CollectObservations(const Map& map) {
-  std::map<LandmarkId, std::vector<MapObservation>> seen_by;
+std::map<LandmarkId, std::vector<FeatureRef>> CollectObservations(const Map& map) {
+  std::map<LandmarkId, std::vector<FeatureRef>> seen_by;
   for (const auto& [id, keyframe] : map.keyframes) {
     for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
       if (keyframe.landmarks[i] == kNoLandmark) continue;
-      std::vector<MapObservation>& list = seen_by[keyframe.landmarks[i]];
+      std::vector<FeatureRef>& list = seen_by[keyframe.landmarks[i]];
       if (list.empty() || list.back().keyframe != id) list.push_back({id, static_cast<int>(i)});
     }
   }

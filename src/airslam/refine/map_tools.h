@@ -8,15 +8,9 @@
 
 namespace airslam {
 
-// Keypoint `index` of keyframe `keyframe`.
-struct MapObservation {
-  KeyframeId keyframe = -1;
-  int index = -1;
-};
-
-// Who sees each point landmark, by ascending keyframe. A keyframe that names one twice counts once,
-// with the first of its keypoints.
-std::map<LandmarkId, std::vector<MapObservation>> CollectObservations(const Map& map);
+// Who sees each point landmark, and with which keypoint, by ascending keyframe. A keyframe that
+// names one twice counts once, with the first of its keypoints.
+std::map<LandmarkId, std::vector<FeatureRef>> CollectObservations(const Map& map);
 
 // Moves keyframes (with their velocities) to new poses, and each landmark along with the keyframe
 // that first saw it. Keyframes that `world_from_cam` does not name stay.
