@@ -6,7 +6,6 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "airslam/optimize/inertial_factor.h"
 #include "airslam/optimize/pose_parameter.h"
 #include "airslam/optimize/pose_prior_factor.h"
+#include "airslam/optimize/worst_sigma.h"
 
 namespace airslam {
 namespace {
@@ -91,12 +91,6 @@ Eigen::MatrixXd Covariance(InertialInitialization& estimate, Parameters& paramet
   return factors.solve(corner).bottomRows<8>();
 }
 
-// Largest standard deviation of any direction.
-double WorstSigma(const Eigen::MatrixXd& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, eigen.eigenvalues().maxCoeff()));
-}
-
 // By how much a unit step in Ceres' tangent space turns gravity (rad): read off the manifold.
 double TurnOfAStep(const Vector3d& gravity) {
   Vector3d moved;
@@ -111,10 +105,10 @@ void SetSigmas(const Eigen::MatrixXd& covariance, InertialInitialization& estima
         std::numeric_limits<double>::infinity();
     return;
   }
-  estimate.gyroscope_bias_sigma = WorstSigma(covariance.block<3, 3>(0, 0));
-  estimate.accelerometer_bias_sigma = WorstSigma(covariance.block<3, 3>(3, 3));
+  estimate.gyroscope_bias_sigma = WorstSigma<3>(covariance.block<3, 3>(0, 0));
+  estimate.accelerometer_bias_sigma = WorstSigma<3>(covariance.block<3, 3>(3, 3));
   estimate.gravity_sigma =
-      TurnOfAStep(estimate.gravity_in_world) * WorstSigma(covariance.block<2, 2>(6, 6));
+      TurnOfAStep(estimate.gravity_in_world) * WorstSigma<2>(covariance.block<2, 2>(6, 6));
 }
 
 }  // namespace

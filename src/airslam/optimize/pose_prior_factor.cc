@@ -2,21 +2,13 @@
 #include "airslam/optimize/pose_prior_factor.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "airslam/common/error.h"
 #include "airslam/geometry/so3.h"
+#include "airslam/optimize/worst_sigma.h"
 
 namespace airslam {
-namespace {
-
-double WorstSigma(const Eigen::Matrix3d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, eigen.eigenvalues().maxCoeff()));
-}
-
-}  // namespace
 
 PosePrior::PosePrior(const Rigid3& pose, double sigma_rotation, double sigma_position)
     : world_from_cam(pose) {
@@ -35,12 +27,12 @@ PosePrior PosePrior::FromCovariance(const Rigid3& pose, const Matrix6d& covarian
 
 double PosePrior::SigmaRotation() const {
   const Matrix6d covariance = (weight.transpose() * weight).inverse();
-  return WorstSigma(covariance.topLeftCorner<3, 3>());
+  return WorstSigma<3>(covariance.topLeftCorner<3, 3>());
 }
 
 double PosePrior::SigmaPosition() const {
   const Matrix6d covariance = (weight.transpose() * weight).inverse();
-  return WorstSigma(covariance.bottomRightCorner<3, 3>());
+  return WorstSigma<3>(covariance.bottomRightCorner<3, 3>());
 }
 
 bool PosePriorFactor::Evaluate(double const* const* parameters, double* residuals,
