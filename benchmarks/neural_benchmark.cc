@@ -79,38 +79,20 @@ BENCHMARK(BM_PlNetWithLines)
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 
-// From the maps of lines to proposals and the features along them.
-void BM_DecodeLines(benchmark::State& state) {
-  const FeatureNetworkSpec spec = Pack().features;
-  if (!spec.lines) Fail("the model pack has no line module");
-  const LineNetworkSpec& lines = *spec.lines;
-  const int m = spec.multiple;
-  const int width = (kSize.width + m - 1) / m * m, height = (kSize.height + m - 1) / m * m;
-  const auto network =
-      LoadOpenVinoNetwork(lines.network.path, {{spec.input, {1, 1, height, width}}});
-  std::vector<float> image(static_cast<std::size_t>(width * height));
-  NormalizeImage(Picture(0), spec.normalization, width, height, image.data());
-  const NamedTensor input{spec.input, {image.data(), {1, 1, height, width}}};
-  network->Run({&input, 1});
-  const TensorView field = network->Output(lines.field), pooled = network->Output(lines.pooled);
-  const int columns = static_cast<int>(field.shape[3]), rows = static_cast<int>(field.shape[2]);
-  const LineMaps maps{field.data, network->Output(lines.junctions).data, columns, rows};
-  std::vector<float> along(static_cast<std::size_t>(lines.samples * lines.channels));
-  std::size_t proposals = 0;
+// Lines in the maps of an image that was seen before, as for a keyframe's left image: neck,
+// proposals, pooling, classifier.
+void BM_FindLines(benchmark::State& state) {
+  PlNet plnet(Pack().features);
+  const cv::Mat image = Picture(0);
+  plnet.Prepare(kSize, true);
+  DetectionRequest request(kKeypoints, true);
+  request.keep_maps = true;
+  const Detections seen = plnet.Detect(image, cv::Mat(), request);
   for (auto _ : state) {
-    const auto junctions = FindJunctions(maps, kSize, cv::Mat(), lines.decoder);
-    const auto found = ProposeLines(maps, junctions, cv::Mat(), lines.decoder);
-    for (const LineProposal& p : found) {
-      PoolAlongLine(pooled.data, columns, rows, lines.channels, lines.decoder.stride,
-                    junctions[static_cast<std::size_t>(p.start)],
-                    junctions[static_cast<std::size_t>(p.end)], lines.samples, along.data());
-      benchmark::DoNotOptimize(along.data());
-    }
-    proposals = found.size();
+    benchmark::DoNotOptimize(plnet.FindLines(image, cv::Mat(), seen, request));
   }
-  state.counters["proposals"] = static_cast<double>(proposals);
 }
-BENCHMARK(BM_DecodeLines)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_FindLines)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 void BM_Normalize(benchmark::State& state) {
   const cv::Mat image = Picture(0);
@@ -134,22 +116,27 @@ void BM_DecodeKeypoints(benchmark::State& state) {
                  image.data());
   const NamedTensor input{spec.input, {image.data(), {1, 1, height, width}}};
   network->Run({&input, 1});
-  const ScoreMap scores{network->Output(spec.scores).data, kSize.width, kSize.height,
-                        static_cast<int>(width)};
+  const int stride = spec.score_stride;
+  const FeatureMap cells{network->Output(spec.scores).data, static_cast<int>(width) / stride,
+                         static_cast<int>(height) / stride, stride * stride, stride};
+  std::vector<float> plane(image.size());
+  const ScoreMap scores{plane.data(), kSize.width, kSize.height, static_cast<int>(width)};
   KeypointDecoderOptions options;
   options.max_keypoints = kKeypoints;
   options.score_threshold = spec.score_threshold;
   options.nms_radius = spec.nms_radius;
   options.spread = static_cast<float>(state.range(0)) / 100;
   for (auto _ : state) {
+    UnfoldCells(cells, plane.data());
     benchmark::DoNotOptimize(DecodeKeypoints(scores, cv::Mat(), options));
   }
 }
 BENCHMARK(BM_DecodeKeypoints)->ArgName("spread")->Arg(0)->Arg(50)->Unit(benchmark::kMillisecond);
 
-void BM_SampleDescriptors(benchmark::State& state) {
-  const std::int64_t width = kSize.width / 4, height = kSize.height / 4, size = 64;
-  std::vector<float> map(static_cast<std::size_t>(size * height * width));
+void BM_SampleAtKeypoints(benchmark::State& state) {
+  constexpr int kChannels = 64, kStride = 4;
+  const int width = kSize.width / kStride, height = kSize.height / kStride;
+  std::vector<float> map(static_cast<std::size_t>(kChannels * height * width));
   std::iota(map.begin(), map.end(), 0.0F);
   cv::RNG random(1);
   std::vector<Keypoint> keypoints(kKeypoints);
@@ -157,12 +144,14 @@ void BM_SampleDescriptors(benchmark::State& state) {
     k.x = random.uniform(4.0F, static_cast<float>(kSize.width) - 4);
     k.y = random.uniform(4.0F, static_cast<float>(kSize.height) - 4);
   }
+  std::vector<float> samples(static_cast<std::size_t>(kKeypoints * kChannels));
   for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        SampleDescriptors({map.data(), {1, size, height, width}}, keypoints, 4, true));
+    SampleAtKeypoints({map.data(), width, height, kChannels, kStride}, keypoints, true,
+                      samples.data(), kChannels);
+    benchmark::DoNotOptimize(samples.data());
   }
 }
-BENCHMARK(BM_SampleDescriptors)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_SampleAtKeypoints)->Unit(benchmark::kMillisecond);
 
 // Features of two pictures that are shifted by 8 pixels.
 struct PairOfFeatures {

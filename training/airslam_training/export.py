@@ -19,14 +19,21 @@ from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from .cache import CACHE
-from .lines import EXTRA, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck
+from .lines import EXTRA, JUNCTION, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck
 from .matcher import Matcher, MatcherConfig
 from .networks import PLNet, PLNetConfig
-from .quantize import quantize
+from .quantize import FLOAT, FLOAT_NECK, features, photos, quantize
 
 OPSET = 17
 PACK = Path(__file__).resolve().parents[2] / "models/airslam-fast"
 MATCHER_POINTS = 400
+CALIBRATION = 120  # photos that the ranges of int8 are taken from
+MAPS = {"features4": 4, "features8": 8, "features16": 16}  # the backbone's features that PLNet hands out: pixels a cell
+
+
+def widths(c: PLNetConfig) -> tuple[int, ...]:
+    """Channels of each of MAPS."""
+    return c.w4, c.w8, c.w16
 
 
 def fold_batch_norms(net: nn.Module) -> nn.Module:
@@ -41,42 +48,75 @@ def fold_batch_norms(net: nn.Module) -> nn.Module:
     return net
 
 
-def export_plnet(net: nn.Module, path: Path) -> None:
-    """Write PLNet as ONNX: `image` 1x1xHxW -> `descriptors` 1x64xH/4xW/4, `score_logits` 1x1xHxW; H, W dynamic."""
-    folded = fold_batch_norms(net)
-    axes = {"image": {2: "H", 3: "W"}, "descriptors": {2: "H4", 3: "W4"}, "score_logits": {2: "H", 3: "W"}}
-    torch.onnx.export(folded, (torch.zeros(1, 1, 64, 96),), str(path), input_names=["image"],
-                      output_names=["descriptors", "score_logits"], dynamic_axes=axes, opset_version=OPSET,
-                      dynamo=False)
-    onnx.checker.check_model(onnx.load(str(path)))
+def cells(maps: torch.Tensor) -> torch.Tensor:
+    """1 x C x h x w -> h * w rows of C values, cell after cell: how all maps that are sampled are handed out."""
+    return maps.permute(0, 2, 3, 1).reshape(-1, maps.shape[1])
 
 
-class PLNetWithLines(nn.Module):
-    """All of PLNet in one graph; the pooled features come with channels last, as sampling along lines reads them."""
+class Features(nn.Module):
+    """Image -> scores, 16 a cell at /4 (row by row of its 4 x 4 pixels), and the backbone's features at /4, /8, /16, as cells."""
 
-    def __init__(self, net: PLNet, neck: LineNeck):
+    def __init__(self, net: PLNet):
         super().__init__()
-        self.net, self.neck = net, neck
+        self.net = net
 
     def forward(self, image: torch.Tensor):
         features = self.net.backbone(image)
-        field, junctions, pooled = self.neck(*features)
-        return *self.net.keypoints(*features), field, junctions, pooled.permute(0, 2, 3, 1)
+        return cells(self.net.keypoints.score_cells(*features[:2])), *map(cells, features)
+
+
+class SplitNeck(nn.Module):
+    """The line neck on features 1 x h x w x C; what comes out together in training comes out of a convolution of its own."""
+
+    def __init__(self, neck: LineNeck):
+        super().__init__()
+        self.neck = neck
+        self.junctions, self.pooled = [self._part(neck.rest, part) for part in (slice(JUNCTION), slice(JUNCTION, None))]
+
+    @staticmethod
+    def _part(convolution: nn.Conv2d, outputs: slice) -> nn.Conv2d:
+        weight, bias = convolution.weight.data[outputs], convolution.bias.data[outputs]
+        part = nn.Conv2d(weight.shape[1], weight.shape[0], 1)
+        part.weight.data, part.bias.data = weight.clone(), bias.clone()
+        return part
+
+    def forward(self, *features: torch.Tensor):
+        x = self.neck.merge(*[f.permute(0, 3, 1, 2) for f in features])
+        return self.neck.field(x), self.junctions(x), cells(self.pooled(x))
+
+
+def write_onnx(net: nn.Module, path: Path, inputs: dict[str, tuple], outputs: list[str], axes: dict) -> None:
+    """`inputs`: shape of each; `axes`: name -> {axis: name} of those that vary."""
+    torch.onnx.export(net, tuple(torch.zeros(s) for s in inputs.values()), str(path), input_names=list(inputs),
+                      output_names=outputs, dynamic_axes=axes, opset_version=OPSET, dynamo=False)
+    onnx.checker.check_model(onnx.load(str(path)))
+
+
+def export_plnet(net: PLNet, path: Path) -> None:
+    """Write the part of PLNet that sees every image: `image` 1x1xHxW -> `score_logits` (HW/16)x16 and `features4`,
+    `features8`, `features16`, cells x channels; H, W dynamic."""
+    outputs = ["score_logits", *MAPS]
+    write_onnx(fold_batch_norms(Features(net)), path, {"image": (1, 1, 64, 96)}, outputs,
+               {"image": {2: "H", 3: "W"}} | {name: {0: f"cells_{name}"} for name in outputs})
+
+
+def export_descriptor_head(net: PLNet, path: Path) -> None:
+    """Write the descriptor head for features sampled at points: `features` N x (w4 + w8 + w16) -> `descriptors` N x D.
+    Bilinear sampling and the head's 1 x 1 convolutions change places; only what lies between its two ReLUs is approximate."""
+    write_onnx(net.keypoints.at_points().eval(), path, {"features": (2, sum(widths(net.config)))}, ["descriptors"],
+               {"features": {0: "N"}, "descriptors": {0: "N"}})
 
 
 def export_lines(net: PLNet, module: LineModule, path: Path, classifier: Path) -> None:
-    """Write PLNet with its line module, and the classifier of proposals: `features` N x D -> `logits` N, N dynamic."""
-    outputs = ["descriptors", "score_logits", "line_field", "junction_maps", "line_features"]
-    axes = {"image": {2: "H", 3: "W"}, "descriptors": {2: "H4", 3: "W4"}, "score_logits": {2: "H", 3: "W"},
-            "line_field": {2: "H4", 3: "W4"}, "junction_maps": {2: "H4", 3: "W4"}, "line_features": {1: "H4", 2: "W4"}}
-    torch.onnx.export(fold_batch_norms(PLNetWithLines(net, module.neck)), (torch.zeros(1, 1, 80, 112),), str(path),
-                      input_names=["image"], output_names=outputs, dynamic_axes=axes, opset_version=OPSET, dynamo=False)
+    """Write the line neck, `features4`, `features8`, `features16` 1 x h x w x C -> `line_field` 1x6xH/4xW/4, `junction_maps`
+    1x3xH/4xW/4 and `line_features` (HW/16) x C, and the classifier of proposals: `features` N x D -> `logits` N x 1."""
+    inputs = {name: (1, 80 // s, 112 // s, w) for (name, s), w in zip(MAPS.items(), widths(net.config))}
+    axes = {name: {1: f"h_{name}", 2: f"w_{name}"} for name in MAPS}
+    axes |= {name: {2: "H4", 3: "W4"} for name in ("line_field", "junction_maps")} | {"line_features": {0: "cells"}}
+    write_onnx(fold_batch_norms(SplitNeck(module.neck)), path, inputs, ["line_field", "junction_maps", "line_features"], axes)
     size = module.config.samples * module.config.pooled + EXTRA
-    torch.onnx.export(copy.deepcopy(module.classifier).eval(), (torch.zeros(2, size),), str(classifier),
-                      input_names=["features"], output_names=["logits"],
-                      dynamic_axes={"features": {0: "N"}, "logits": {0: "N"}}, opset_version=OPSET, dynamo=False)
-    for file in (path, classifier):
-        onnx.checker.check_model(onnx.load(str(file)))
+    write_onnx(copy.deepcopy(module.classifier.layers).eval(), classifier, {"features": (2, size)}, ["logits"],
+               {"features": {0: "N"}, "logits": {0: "N"}})
 
 
 def export_stage(stage: nn.Module, path: Path, n: int = MATCHER_POINTS) -> None:
@@ -125,21 +165,23 @@ def file_entry(path: Path) -> dict:
 
 def lines_entry(pack: Path, c: LineConfig = LineConfig(), o: DecoderOptions = DecoderOptions()) -> dict:
     """What the manifest says of the line module that lies in `pack`."""
-    return {**file_entry(pack / "plnet_lines.onnx"), "field": "line_field", "junctions": "junction_maps",
-            "pooled": "line_features", "channels": c.pooled, "samples": c.samples, "stride": STRIDE, "reach": REACH,
-            "min_confidence": o.confidence, "min_junction": o.junction, "max_junctions": o.junctions, "snap": o.snap,
+    return {**file_entry(pack / "line_neck.onnx"), "field": "line_field", "junctions": "junction_maps", "stride": STRIDE,
+            "pooled": [{"output": "line_features", "channels": c.pooled, "stride": STRIDE, "samples": c.samples}],
+            "reach": REACH, "min_confidence": o.confidence, "min_junction": o.junction, "max_junctions": o.junctions, "snap": o.snap,
             "min_support": o.support, "double_radius": o.double, "max_proposals": o.proposals,
             "classifier": {**file_entry(pack / "line_classifier.onnx"), "input": "features", "output": "logits"}}
 
 
-def write_manifest(pack: Path, training: dict, quality: dict) -> None:
+def write_manifest(pack: Path, training: dict, quality: dict, c: PLNetConfig = PLNetConfig()) -> None:
     """manifest.json of the files that lie in `pack`; the C++ loader checks names, sizes and digests."""
-    manifest = {"format": 1, "name": pack.name, "license": "BSD-3-Clause",
+    maps = [{"output": name, "channels": w, "stride": s} for (name, s), w in zip(MAPS.items(), widths(c))]
+    head = {**file_entry(pack / "descriptor_head.onnx"), "input": "features", "output": "descriptors"}
+    manifest = {"format": 2, "name": pack.name, "license": "BSD-3-Clause",
                 "features": {**file_entry(pack / "plnet.onnx"), "input": "image", "normalization": "standardize",
-                             "multiple": 16, "descriptors": "descriptors", "scores": "score_logits",
-                             "descriptor_size": 64, "descriptor_stride": 4, "half_pixel": True,
+                             "multiple": 16, "scores": "score_logits", "score_stride": STRIDE, "layout": "cells",
+                             "maps": maps, "half_pixel": True, "descriptor_head": head, "descriptor_size": c.descriptor,
                              "score_threshold": -5.0, "nms_radius": 2}}
-    if (pack / "plnet_lines.onnx").exists():
+    if (pack / "line_neck.onnx").exists():
         manifest["features"]["lines"] = lines_entry(pack)
     stages = sorted(pack.glob("matcher_stage*.onnx"))
     if stages:
@@ -180,12 +222,13 @@ def main() -> None:
         if name == "plnet":
             with scratch("plnet.onnx") as raw:
                 export_plnet(load_plnet(checkpoint), raw)
-                quantize(raw, PACK / "plnet.onnx")
+                quantize(raw, PACK / "plnet.onnx", photos(CALIBRATION, 5), FLOAT)
+            export_descriptor_head(load_plnet(checkpoint), PACK / "descriptor_head.onnx")
         elif name == "lines":
             net = load_plnet(options.plnet)
-            with scratch("plnet_lines.onnx") as raw:
+            with scratch("line_neck.onnx") as raw:
                 export_lines(net, load_lines(checkpoint, net), raw, PACK / "line_classifier.onnx")
-                quantize(raw, PACK / "plnet_lines.onnx")
+                quantize(raw, PACK / "line_neck.onnx", features(PACK / "plnet.onnx", MAPS, photos(CALIBRATION, 5)), FLOAT_NECK)
         else:
             for i, stage in enumerate(load_matcher(checkpoint).stages):
                 export_stage(stage, PACK / f"matcher_stage{i}.onnx")

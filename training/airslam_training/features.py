@@ -15,10 +15,9 @@ import torch
 
 from . import augment
 from .cache import CACHE, photo_split
-from .export import PACK
-from .geometry import HomographyRange, random_homography, sample_map, select_keypoints, warp_image
+from .geometry import HomographyRange, random_homography, select_keypoints, warp_image
+from .pack import PackNetworks
 from .procedural import DEPTH_UNIT, FOLDER, HEIGHT, WIDTH
-from .teacher import Network
 
 POINTS = 256
 FIELDS = ("points", "descriptors", "depth", "count", "size", "group", "view", "homography", "pose", "intrinsics")
@@ -32,7 +31,7 @@ class Store:
     homography M x 3 x 3 (`view_from_source`), pose M x 4 x 4 (`world_from_cam`), intrinsics M x 3 x 3.
     """
 
-    def __init__(self, network: Network, seed: int):
+    def __init__(self, network: PackNetworks, seed: int):
         self.network, self.rows = network, {k: [] for k in FIELDS}
         self.generator = torch.Generator().manual_seed(seed)
 
@@ -40,13 +39,13 @@ class Store:
         """Alter an image, detect and describe; skipped when it shows fewer than 24 keypoints."""
         x = torch.from_numpy(np.ascontiguousarray(image))[None, None].float()
         altered = augment.alter(x, self.generator)[0, 0].numpy().astype(np.uint8)
-        maps, scores = self.network(altered)
+        maps, scores = self.network.look(altered)
         points = select_keypoints(scores, POINTS)
         n = len(points)
         if n < 24:
             return
         descriptors = np.zeros((POINTS, 64), np.int8)
-        descriptors[:n] = np.clip(np.rint(sample_map(maps, points) * 200), -127, 127)
+        descriptors[:n] = np.clip(np.rint(self.network.describe(maps, points) * 200), -127, 127)
         padded = np.zeros((POINTS, 2), np.float32)
         padded[:n] = points
         z = np.zeros(POINTS, np.float32)
@@ -96,7 +95,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    network = Network(PACK / "plnet.onnx", "standardize", 16, threads=options.threads)
+    network = PackNetworks(threads=options.threads)
     train, held = photo_split()
     for name, files, pattern in (("held", held, "held_*.npz"), ("train", train, "scene_*.npz")):
         store = Store(network, 21)

@@ -88,14 +88,19 @@ def select_keypoints(scores: np.ndarray, count: int, radius: int = 2, threshold:
 
 
 def sample_map(maps: np.ndarray, points: np.ndarray, stride: int = 4) -> np.ndarray:
-    """Bilinear unit descriptors: maps D x h x w, points N x 2 in pixels -> N x D ("half pixel" cells)."""
+    """Bilinear samples: maps D x h x w, points N x 2 in pixels -> N x D ("half pixel" cells)."""
     h, w = maps.shape[1:]
     cell = (points + 0.5) / stride - 0.5
     x, y = np.clip(cell[:, 0], 0, w - 1), np.clip(cell[:, 1], 0, h - 1)
     x0, y0 = np.minimum(x.astype(int), w - 2), np.minimum(y.astype(int), h - 2)
     ax, ay = x - x0, y - y0
-    d = (maps[:, y0, x0] * (1 - ax) * (1 - ay) + maps[:, y0, x0 + 1] * ax * (1 - ay)
-         + maps[:, y0 + 1, x0] * (1 - ax) * ay + maps[:, y0 + 1, x0 + 1] * ax * ay).T
+    return (maps[:, y0, x0] * (1 - ax) * (1 - ay) + maps[:, y0, x0 + 1] * ax * (1 - ay)
+            + maps[:, y0 + 1, x0] * (1 - ax) * ay + maps[:, y0 + 1, x0 + 1] * ax * ay).T
+
+
+def sample_descriptors(maps: np.ndarray, points: np.ndarray, stride: int = 4) -> np.ndarray:
+    """The same, of unit length."""
+    d = sample_map(maps, points, stride)
     return d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-9)
 
 
@@ -107,12 +112,6 @@ def mutual_nearest(d0: np.ndarray, d1: np.ndarray) -> np.ndarray:
     forward, backward = similarity.argmax(1), similarity.argmax(0)
     i = np.nonzero(backward[forward] == np.arange(len(d0)))[0]
     return np.stack([i, forward[i]], -1)
-
-
-def standardize(image: np.ndarray) -> np.ndarray:
-    """Network input H x W float32 of a grey image 0..255: zero mean, unit deviation (floor 2 grey levels)."""
-    x = image.astype(np.float32)
-    return (x - x.mean()) / max(float(x.std()), 2.0)
 
 
 def refine_keypoints(scores: np.ndarray, points: np.ndarray) -> np.ndarray:

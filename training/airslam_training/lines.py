@@ -73,12 +73,16 @@ class LineNeck(nn.Module):
             self.rest.bias[0] = -4.0
 
     def forward(self, f4: Tensor, f8: Tensor, f16: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        x = self.merge(f4, f8, f16)
+        rest = self.rest(x)
+        return self.field(x), rest[:, :JUNCTION], rest[:, JUNCTION:]
+
+    def merge(self, f4: Tensor, f8: Tensor, f16: Tensor) -> Tensor:
+        """Down to /32 and up again: B x w4 x H/4 x W/4, which every output reads."""
         x = self.stage32(self.down32(f16))
         x = self.stage16(F.relu(self.lateral16(f16) + _up2(self.from32(x), f16)))
         x = self.stage8(F.relu(self.lateral8(f8) + _up2(self.from16(x), f8)))
-        x = self.stage4(F.relu(self.lateral4(f4) + _up2(self.from8(x), f4)))
-        rest = self.rest(x)
-        return self.field(x), rest[:, :JUNCTION], rest[:, JUNCTION:]
+        return self.stage4(F.relu(self.lateral4(f4) + _up2(self.from8(x), f4)))
 
 
 # ---------------------------------------------------------------- decoding
@@ -205,23 +209,23 @@ def propose(field: Tensor, maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Ten
     return points[pair].reshape(-1, 4), extra, pair, junctions
 
 
+def sample_along(maps: Tensor, ends: Tensor, samples: int = LineConfig.samples, stride: int = STRIDE) -> Tensor:
+    """Bilinear samples at equal steps from end to end: maps C x h x w, ends N x 4 in pixels -> N x samples * C."""
+    t = torch.linspace(0, 1, samples, device=ends.device)[None, :, None]
+    points = ends[:, None, :2] * (1 - t) + ends[:, None, 2:] * t
+    size = torch.tensor([maps.shape[2], maps.shape[1]], device=ends.device)
+    grid = (points + 0.5) / (stride * size) * 2 - 1
+    sampled = F.grid_sample(maps[None], grid[None], mode="bilinear", padding_mode="border", align_corners=False)
+    return sampled[0].permute(1, 2, 0).flatten(1)
+
+
 class LineClassifier(nn.Module):
     """Is a proposal a line? Features sampled along it (N x samples x pooled) and EXTRA numbers -> logits N."""
 
     def __init__(self, c: LineConfig):
         super().__init__()
-        self.samples = c.samples
         self.layers = nn.Sequential(nn.Linear(c.samples * c.pooled + EXTRA, c.hidden), nn.ReLU(inplace=True),
                                     nn.Linear(c.hidden, c.hidden), nn.ReLU(inplace=True), nn.Linear(c.hidden, 1))
-
-    def pool(self, maps: Tensor, ends: Tensor) -> Tensor:
-        """Bilinear samples at equal steps from end to end: maps C x h x w, ends N x 4 in pixels -> N x samples * C."""
-        t = torch.linspace(0, 1, self.samples, device=ends.device)[None, :, None]
-        points = ends[:, None, :2] * (1 - t) + ends[:, None, 2:] * t
-        size = torch.tensor([maps.shape[2], maps.shape[1]], device=ends.device)
-        grid = (points + 0.5) / (STRIDE * size) * 2 - 1
-        sampled = F.grid_sample(maps[None], grid[None], mode="bilinear", padding_mode="border", align_corners=False)
-        return sampled[0].permute(1, 2, 0).flatten(1)
 
     def forward(self, features: Tensor) -> Tensor:
         """N x (samples * C + EXTRA) -> N."""
@@ -250,7 +254,7 @@ class LineModule(nn.Module):
 
     def classify(self, pooled: Tensor, ends: Tensor, extra: Tensor) -> Tensor:
         """Logits N of the proposals of one image, pooled C x h x w."""
-        return self.classifier(torch.cat([self.classifier.pool(pooled, ends), extra], 1))
+        return self.classifier(torch.cat([sample_along(pooled, ends, self.config.samples), extra], 1))
 
     @torch.no_grad()
     def detect(self, features, o: DecoderOptions = DecoderOptions()) -> tuple[Tensor, Tensor]:

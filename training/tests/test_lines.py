@@ -9,15 +9,15 @@ import onnxruntime
 import pytest
 import torch
 
-from airslam_training.export import PACK, export_lines
-from airslam_training.geometry import standardize
+from airslam_training.export import MAPS, PACK, export_lines
 from airslam_training.line_data import Wireframe, clip_segments, encode, warp_segments
 from airslam_training.line_labels import (end_distance, join_ends, merge_views, read_wireframe, refine, visibility,
                                           without_doubles)
-from airslam_training.lines import EXTRA, REACH, DecoderOptions, LineClassifier, LineConfig, LineModule, decode_field, find_junctions, propose
+from airslam_training.lines import EXTRA, REACH, DecoderOptions, LineModule, decode_field, find_junctions, propose
 from airslam_training.lines import without_doubles as without_double_lines
 from airslam_training.loop import ROOT
 from airslam_training.networks import PLNet
+from airslam_training.pack import PackNetworks
 from airslam_training.procedural import make_views
 from airslam_training.train_lines import field_losses, junction_losses, label_proposals
 from airslam_training.validate_lines import average_precision, hits
@@ -155,41 +155,26 @@ def test_lines_in_onnx_equal_pytorch(tmp_path):
         with torch.no_grad():
             features = net.backbone(x)
             field, junctions, pooled = module.neck(*features)
-            expected = [*net.keypoints(*features), field, junctions, pooled.permute(0, 2, 3, 1)]
-        for a, b in zip(expected, run.run(None, {"image": x.numpy()})):
+            expected = [field, junctions, pooled[0].permute(1, 2, 0).flatten(0, 1)]
+        feed = {name: f.permute(0, 2, 3, 1).contiguous().numpy() for name, f in zip(MAPS, features)}
+        for a, b in zip(expected, run.run(None, feed)):
             assert np.allclose(a.numpy(), b, atol=2e-3 * max(1, np.abs(b).max()))
     run = onnxruntime.InferenceSession(str(tmp_path / "classifier.onnx"), providers=["CPUExecutionProvider"])
     features = torch.randn(5, run.get_inputs()[0].shape[1])
     with torch.no_grad():
-        assert np.allclose(module.classifier(features).numpy(), run.run(None, {"features": features.numpy()})[0], atol=1e-4)
-
-
-def decode_in_python(image):
-    """Lines of the shipped pack in f32, decoded by the training code."""
-    def run(name, feed):
-        session = onnxruntime.InferenceSession(str(PACK / name), providers=["CPUExecutionProvider"])
-        return dict(zip([o.name for o in session.get_outputs()], session.run(None, feed)))
-
-    maps = run("plnet_lines.onnx", {"image": standardize(image)[None, None]})
-    ends, extra, _, _ = propose(torch.from_numpy(maps["line_field"][0]), torch.from_numpy(maps["junction_maps"][0]),
-                                DecoderOptions())
-    pool = LineClassifier(LineConfig()).pool
-    along = pool(torch.from_numpy(maps["line_features"][0].transpose(2, 0, 1).copy()), ends)
-    logits = run("line_classifier.onnx", {"features": torch.cat([along, extra], 1).numpy()})["logits"]
-    lines = torch.cat([ends, torch.sigmoid(torch.from_numpy(logits))[:, None]], 1)
-    order = torch.sort(lines[:, 4], descending=True, stable=True).indices
-    return without_double_lines(lines[order], DecoderOptions().double).numpy()
+        expected = module.classifier(features).numpy()
+    assert np.allclose(expected, run.run(None, {"features": features.numpy()})[0][:, 0], atol=1e-4)
 
 
 def test_the_program_agrees_with_python(tmp_path):
     program = ROOT.parent / "build/bin/airslam"
-    if not program.exists() or not (PACK / "plnet_lines.onnx").exists():
+    if not program.exists() or not (PACK / "line_neck.onnx").exists():
         pytest.skip(f"no {program} or no line module in {PACK}")
     image = make_views(100003, [], 1)[1][0].images[0]
     cv2.imwrite(str(tmp_path / "room.png"), image)
     subprocess.run([program, "detect", tmp_path / "room.png", "--out", tmp_path / "out"], check=True, capture_output=True)
     found = np.loadtxt(tmp_path / "out/room.lines.csv", delimiter=",", ndmin=2)
-    expected = decode_in_python(image)
+    expected = PackNetworks().lines(image)
     sure = expected[expected[:, 4] > 0.4]
     distance = end_distance(sure, found)
     # The program computes in bf16 where the CPU has it: a few junctions and scores fall out otherwise.

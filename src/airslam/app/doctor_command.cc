@@ -83,9 +83,10 @@ std::string CheckPack(const ModelPack& pack) {
 // The SHA-256 of each file of the pack.
 void PrintHashes(const ModelPack& pack) {
   std::vector<const PackFile*> files = {&pack.features.network};
+  if (pack.features.descriptor_head) files.push_back(&pack.features.descriptor_head->network);
   if (pack.features.lines) {
     files.push_back(&pack.features.lines->network);
-    files.push_back(&pack.features.lines->classifier);
+    files.push_back(&pack.features.lines->classifier.network);
   }
   if (pack.matcher) {
     for (const PackFile& stage : pack.matcher->stages) files.push_back(&stage);

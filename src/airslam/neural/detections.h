@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include <memory>
 #include <vector>
 
 namespace airslam {
@@ -31,6 +32,8 @@ struct LineEnds {
   int end = -1;    // at x2, y2
 };
 
+struct ImageMaps;
+
 // What PLNet sees in one image (paper, section IV-B).
 struct Detections {
   std::vector<Keypoint> keypoints;  // best score first, ties by row, then column
@@ -40,6 +43,8 @@ struct Detections {
   std::vector<LineEnds> line_ends;        // of each line
   std::vector<Keypoint> junctions;        // the ends of these lines; score: probability, 0..1
   DescriptorMatrix junction_descriptors;  // junctions.size() x D, rows of unit length
+  // What FeatureDetector::FindLines needs of the image; null unless asked for.
+  std::shared_ptr<const ImageMaps> maps;
 };
 
 // A correspondence between keypoint `index0` of one image and `index1` of another.

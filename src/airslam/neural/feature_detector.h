@@ -22,6 +22,7 @@ struct DetectionRequest {
   // square of the first. Of the lines over 0.4 among 1280 proposals, 2 to 4 % come after the 896th.
   int max_junctions = 256;
   int max_line_proposals = 1280;
+  bool keep_maps = false;  // in Detections::maps: some megabytes
 };
 
 // Finds keypoints and lines with descriptors. Implementations: PLNet, and stand-ins in tests, which
@@ -35,6 +36,15 @@ class FeatureDetector {
   // Returns at most `max_keypoints` keypoints, best first, at integer or sub-pixel positions.
   virtual Detections Detect(const cv::Mat& image, const cv::Mat& mask,
                             const DetectionRequest& request) = 0;
+
+  // The lines and junctions of an image that was `seen` before, with keep_maps, by this or another
+  // detector of the same networks: those that Detect(image, mask, request) finds, without what was
+  // computed then. Keypoints are not looked for.
+  virtual Detections FindLines(const cv::Mat& image, const cv::Mat& mask,
+                               const Detections& /*seen*/, DetectionRequest request) {
+    request.max_keypoints = 0;
+    return Detect(image, mask, request);
+  }
 
   // Whether lines can be asked for; a detector without them returns none.
   virtual bool finds_lines() const { return false; }

@@ -400,28 +400,4 @@ void KeepLines(std::span<const Keypoint> junctions, std::span<const LineProposal
   }
 }
 
-void PoolAlongLine(const float* map, int width, int height, int channels, int stride,
-                   const Keypoint& start, const Keypoint& end, int samples, float* out) {
-  const auto cell = [stride](float pixel, int size) {
-    const float c = (pixel + 0.5F) / static_cast<float>(stride) - 0.5F;
-    return std::clamp(c, 0.0F, static_cast<float>(size - 1));
-  };
-  for (int i = 0; i < samples; ++i, out += channels) {
-    const float t = static_cast<float>(i) / static_cast<float>(samples - 1);
-    const float x = cell(start.x + t * (end.x - start.x), width);
-    const float y = cell(start.y + t * (end.y - start.y), height);
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    const float ax = x - static_cast<float>(x0), ay = y - static_cast<float>(y0);
-    const std::ptrdiff_t right = x0 + 1 < width ? channels : 0;
-    const std::ptrdiff_t below =
-        y0 + 1 < height ? static_cast<std::ptrdiff_t>(width) * channels : 0;
-    const float* top = map + (static_cast<std::ptrdiff_t>(y0) * width + x0) * channels;
-    const float* bottom = top + below;
-    for (int k = 0; k < channels; ++k) {
-      out[k] = (1 - ay) * ((1 - ax) * top[k] + ax * top[right + k]) +
-               ay * ((1 - ax) * bottom[k] + ax * bottom[right + k]);
-    }
-  }
-}
-
 }  // namespace airslam

@@ -101,10 +101,4 @@ std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
 void KeepLines(std::span<const Keypoint> junctions, std::span<const LineProposal> proposals,
                std::span<const float> scores, float min_score, Detections& detections);
 
-// Line-of-interest pooling: `samples` bilinear samples (>= 2) at equal steps from end to end of a
-// map of height x width x channels (channels innermost), clamped to it. out: samples * channels
-// floats, one sample after the other.
-void PoolAlongLine(const float* map, int width, int height, int channels, int stride,
-                   const Keypoint& start, const Keypoint& end, int samples, float* out);
-
 }  // namespace airslam

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "airslam/common/error.h"
+#include "airslam/neural/map_sampling.h"
 
 namespace airslam {
 namespace {
@@ -260,24 +261,6 @@ TEST(KeepLines, SortsAndKeepsTheirJunctions) {
   EXPECT_TRUE(none.lines.empty() && none.junctions.empty());
 }
 
-TEST(PoolAlongLine, SamplesBetweenCells) {
-  std::vector<float> map;  // 5x4 cells: channel 0 the column, channel 1 the row
-  for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 5; ++column) {
-      map.push_back(static_cast<float>(column));
-      map.push_back(static_cast<float>(row));
-    }
-  }
-  std::vector<float> out(6);
-  PoolAlongLine(map.data(), 5, 4, 2, 4, {3.5F, 2.5F, 0}, {11.5F, 8.5F, 0}, 3, out.data());
-  EXPECT_THAT(
-      out, testing::Pointwise(testing::FloatNear(1e-5F), {0.5F, 0.25F, 1.5F, 1.0F, 2.5F, 1.75F}));
-  PoolAlongLine(map.data(), 5, 4, 2, 4, {-20, -20, 0}, {100, 100, 0}, 2, out.data());
-  EXPECT_EQ(out[0], 0);
-  EXPECT_EQ(out[2], 4);
-  EXPECT_EQ(out[3], 3);
-}
-
 // Maps, and what training/airslam_training/lines.py makes of them (testdata/make_line_case.py).
 TEST(LineDecoder, AgreesWithTheTrainingCode) {
   std::ifstream stream(AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata/line_case.json");
@@ -304,7 +287,7 @@ TEST(LineDecoder, AgreesWithTheTrainingCode) {
     EXPECT_EQ(lines[i].end, data["proposals"][i][1].get<int>());
     EXPECT_THAT(lines[i].extras, testing::Pointwise(testing::FloatNear(1e-4F),
                                                     data["extras"][i].get<std::vector<float>>()));
-    PoolAlongLine(pooled.data(), width, height, channels, 4,
+    PoolAlongLine({pooled.data(), width, height, channels, 4},
                   junctions[static_cast<std::size_t>(lines[i].start)],
                   junctions[static_cast<std::size_t>(lines[i].end)], samples, out.data());
     EXPECT_THAT(out, testing::Pointwise(testing::FloatNear(1e-3F),

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;
 
 // One object of the manifest, with what error messages need to name its fields.
 class Section {
@@ -76,6 +76,29 @@ class Section {
 
   Section Sub(const std::string& key) const { return Section(At(key), file_, Name(key)); }
 
+  // A number of pixels that divides `multiple`.
+  int Divisor(const std::string& key, int multiple) const {
+    const int value = Integer(key, 1, 64);
+    if (multiple % value != 0) {
+      Fail("{}: '{}' is {}, expected a divisor of features.multiple, {}", file_, Name(key), value,
+           multiple);
+    }
+    return value;
+  }
+
+  // The objects of a list that is not empty.
+  std::vector<Section> List(const std::string& key) const {
+    const json& values = At(key);
+    if (!values.is_array() || values.empty()) {
+      Fail("{}: '{}' is not a list of at least one object", file_, Name(key));
+    }
+    std::vector<Section> sections;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      sections.emplace_back(values[i], file_, fmt::format("{}[{}]", Name(key), i));
+    }
+    return sections;
+  }
+
   const std::string& file() const { return file_; }
 
  private:
@@ -107,23 +130,28 @@ PackFile CheckedFile(const Section& section, const fs::path& folder) {
   return file;
 }
 
+RowNetworkSpec ReadRowNetwork(const Section& section, const fs::path& folder) {
+  return {CheckedFile(section, folder), section.Text("input"), section.Text("output")};
+}
+
+FeatureMapSpec ReadMap(const Section& section, int multiple) {
+  FeatureMapSpec map;
+  map.output = section.Text("output");
+  map.channels = section.Integer("channels", 1, 1024);
+  map.stride = section.Divisor("stride", multiple);
+  return map;
+}
+
 LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int multiple) {
   LineNetworkSpec spec;
   spec.network = CheckedFile(section, folder);
   spec.field = section.Text("field");
   spec.junctions = section.Text("junctions");
-  spec.pooled = section.Text("pooled");
-  spec.channels = section.Integer("channels", 1, 1024);
-  spec.samples = section.Integer("samples", 2, 1024);
-  const Section classifier = section.Sub("classifier");
-  spec.classifier = CheckedFile(classifier, folder);
-  spec.classifier_input = classifier.Text("input");
-  spec.classifier_output = classifier.Text("output");
-  spec.decoder.stride = section.Integer("stride", 1, 64);
-  if (multiple % spec.decoder.stride != 0) {
-    Fail("{}: '{}' is {}, expected a divisor of features.multiple, {}", section.file(),
-         section.Name("stride"), spec.decoder.stride, multiple);
+  for (const Section& pooled : section.List("pooled")) {
+    spec.pooled.push_back({ReadMap(pooled, multiple), pooled.Integer("samples", 2, 1024)});
   }
+  spec.classifier = ReadRowNetwork(section.Sub("classifier"), folder);
+  spec.decoder.stride = section.Divisor("stride", multiple);
   spec.decoder.reach = section.Number("reach", 0.1, 1e4);
   spec.decoder.min_confidence = section.Number("min_confidence", 1e-6, 0.999);
   spec.decoder.min_junction = section.Number("min_junction", 1e-6, 0.999);
@@ -133,6 +161,15 @@ LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int mu
   spec.decoder.double_radius = section.Number("double_radius", 0, 1e4);
   spec.decoder.max_proposals = section.Integer("max_proposals", 1, 65536);
   return spec;
+}
+
+MapLayout ReadLayout(const Section& section) {
+  const std::string layout = section.Text("layout");
+  if (layout != "cells" && layout != "planes") {
+    Fail("{}: '{}' is \"{}\", expected \"cells\" or \"planes\"", section.file(),
+         section.Name("layout"), layout);
+  }
+  return layout == "cells" ? MapLayout::kCells : MapLayout::kPlanes;
 }
 
 FeatureNetworkSpec ReadFeatures(const Section& section, const fs::path& folder) {
@@ -145,19 +182,29 @@ FeatureNetworkSpec ReadFeatures(const Section& section, const fs::path& folder) 
          section.Name("normalization"), normalization);
   }
   spec.normalization = normalization == "unit" ? Normalization::kUnit : Normalization::kStandardize;
-  spec.descriptors = section.Text("descriptors");
-  spec.scores = section.Text("scores");
-  spec.descriptor_size = section.Integer("descriptor_size", 1, 1024);
-  spec.descriptor_stride = section.Integer("descriptor_stride", 1, 64);
   spec.multiple = section.Integer("multiple", 1, 256);
-  if (spec.multiple % spec.descriptor_stride != 0) {
-    Fail("{}: '{}' is {}, expected a multiple of the descriptor stride {}", section.file(),
-         section.Name("multiple"), spec.multiple, spec.descriptor_stride);
+  spec.scores = section.Text("scores");
+  spec.score_stride = section.Divisor("score_stride", spec.multiple);
+  spec.layout = ReadLayout(section);
+  for (const Section& map : section.List("maps")) {
+    spec.maps.push_back(ReadMap(map, spec.multiple));
+  }
+  spec.descriptor_size = section.Integer("descriptor_size", 1, 1024);
+  if (section.Has("descriptor_head")) {
+    spec.descriptor_head = ReadRowNetwork(section.Sub("descriptor_head"), folder);
+  } else if (spec.maps.size() != 1 || spec.maps[0].channels != spec.descriptor_size) {
+    Fail("{}: without '{}' descriptors are read of one map, of {} channels", section.file(),
+         section.Name("descriptor_head"), spec.descriptor_size);
   }
   spec.half_pixel = section.Flag("half_pixel");
   spec.score_threshold = section.Number("score_threshold", -1e6, 1e6);
   spec.nms_radius = section.Integer("nms_radius", 1, 16);
-  if (section.Has("lines")) spec.lines = ReadLines(section.Sub("lines"), folder, spec.multiple);
+  if (section.Has("lines")) {
+    if (spec.layout != MapLayout::kCells) {
+      Fail("{}: lines need the maps in the layout \"cells\"", section.file());
+    }
+    spec.lines = ReadLines(section.Sub("lines"), folder, spec.multiple);
+  }
   return spec;
 }
 
@@ -166,13 +213,8 @@ MatcherSpec ReadMatcher(const Section& section, const fs::path& folder) {
   spec.keypoints = section.Integer("keypoints", 1, 4096);
   spec.threshold = section.Number("threshold", 0, 1);
   spec.exit_confidence = section.Number("exit_confidence", 0, 1);
-  const json& stages = section.At("stages");
-  if (!stages.is_array() || stages.empty()) {
-    Fail("{}: '{}' is not a list of at least one stage", section.file(), section.Name("stages"));
-  }
-  for (std::size_t i = 0; i < stages.size(); ++i) {
-    spec.stages.push_back(CheckedFile(
-        Section(stages[i], section.file(), fmt::format("matcher.stages[{}]", i)), folder));
+  for (const Section& stage : section.List("stages")) {
+    spec.stages.push_back(CheckedFile(stage, folder));
   }
   return spec;
 }

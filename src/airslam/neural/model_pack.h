@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "airslam/neural/line_decoder.h"
+#include "airslam/neural/map_sampling.h"
 
 namespace airslam {
 
@@ -24,34 +25,55 @@ struct PackFile {
   std::string sha256;  // 64 lower-case hexadecimal digits
 };
 
-// A network that computes all that the feature network does, and the maps of lines
-// (line_decoder.h), and the classifier of proposals: `classifier_input` N x (samples * channels +
-// kLineExtras) -> `classifier_output` N.
+// A network that turns rows of features into rows of numbers (row_network.h): `input` N x F ->
+// `output` N x G.
+struct RowNetworkSpec {
+  PackFile network;
+  std::string input, output;
+};
+
+// A map that a network hands out: (h w) x channels with h = H/stride, w = W/stride in the layout
+// kCells, else 1 x channels x h x w.
+struct FeatureMapSpec {
+  std::string output;
+  int channels = 0;
+  int stride = 4;  // pixels a cell
+};
+
+// A map that is pooled along lines, in the layout kCells.
+struct PooledMapSpec {
+  FeatureMapSpec map;
+  int samples = 32;  // along a line
+};
+
+// The network of lines: the maps of the feature network (its inputs are called like the feature
+// network's outputs, and are 1 x h x w x channels) -> the maps of lines (line_decoder.h), and the
+// classifier of proposals: what is pooled of each map in turn, and kLineExtras numbers -> a logit.
 struct LineNetworkSpec {
   PackFile network;
-  std::string field;      // 1x6xhxw with h = H/stride, w = W/stride
-  std::string junctions;  // 1x3xhxw
-  std::string pooled;     // 1xhxwxchannels: features to pool along lines
-  int channels = 16;
-  int samples = 32;  // along a line
-  PackFile classifier;
-  std::string classifier_input, classifier_output;
+  std::string field;                  // 1x6xhxw with h = H/decoder.stride, w = W/decoder.stride
+  std::string junctions;              // 1x3xhxw
+  std::vector<PooledMapSpec> pooled;  // at least one
+  RowNetworkSpec classifier;
   LineDecoderOptions decoder;
 };
 
-// The feature network: `input` 1x1xHxW -> `descriptors` 1xDx(H/stride)x(W/stride), not normalised,
-// and `scores` 1x1xHxW, logits.
+// The feature network: `input` 1x1xHxW -> score logits and the maps that descriptors are sampled
+// of. With a descriptor head a point's samples of all maps, side by side, go through it; without,
+// there is one map of `descriptor_size` channels. Either way the result is scaled to unit length.
 struct FeatureNetworkSpec {
   PackFile network;
   std::string input;
   Normalization normalization = Normalization::kUnit;
-  int multiple = 32;  // H and W must be multiples of it
-  std::string descriptors;
+  int multiple = 32;  // H and W must be multiples of it, and it of every stride
   std::string scores;
-  int descriptor_size = 64;   // D
-  int descriptor_stride = 4;  // pixels a cell of the descriptor map
-  // Where pixel x lies in the descriptor map: true: (x + 0.5) / stride - 0.5, false: x / stride.
+  int score_stride = 1;  // s: the scores are 1x1xHxW for 1, else (HW/s^2) x s^2, cell after cell
+  MapLayout layout = MapLayout::kPlanes;
+  std::vector<FeatureMapSpec> maps;  // at least one
+  // Where pixel x lies in a map: true: (x + 0.5) / stride - 0.5, false: x / stride.
   bool half_pixel = true;
+  std::optional<RowNetworkSpec> descriptor_head;
+  int descriptor_size = 64;    // D
   float score_threshold = -5;  // keypoints have a larger logit
   int nms_radius = 2;          // pixels; a keypoint has the largest logit of its square
   std::optional<LineNetworkSpec> lines;

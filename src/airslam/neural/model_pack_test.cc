@@ -78,24 +78,36 @@ TEST_F(ModelPackTest, ReadsEveryField) {
   EXPECT_EQ(pack.features.input, "image");
   EXPECT_EQ(pack.features.normalization, Normalization::kUnit);
   EXPECT_EQ(pack.features.multiple, 16);
-  EXPECT_EQ(pack.features.descriptors, "descriptors");
   EXPECT_EQ(pack.features.scores, "score_logits");
   EXPECT_EQ(pack.features.descriptor_size, 4);
-  EXPECT_EQ(pack.features.descriptor_stride, 4);
+  EXPECT_EQ(pack.features.score_stride, 4);
+  EXPECT_EQ(pack.features.layout, MapLayout::kCells);
+  ASSERT_EQ(pack.features.maps.size(), 2U);
+  EXPECT_EQ(pack.features.maps[0].output, "features4");
+  EXPECT_EQ(pack.features.maps[0].channels, 4);
+  EXPECT_EQ(pack.features.maps[1].stride, 8);
+  ASSERT_TRUE(pack.features.descriptor_head.has_value());
+  EXPECT_EQ(pack.features.descriptor_head->network.path,
+            (folder_ / "descriptor_head.onnx").string());
+  EXPECT_EQ(pack.features.descriptor_head->input, "samples");
+  EXPECT_EQ(pack.features.descriptor_head->output, "descriptors");
   EXPECT_TRUE(pack.features.half_pixel);
   EXPECT_EQ(pack.features.score_threshold, -5);
   EXPECT_EQ(pack.features.nms_radius, 2);
   ASSERT_TRUE(pack.features.lines.has_value());
   const LineNetworkSpec& lines = *pack.features.lines;
-  EXPECT_EQ(lines.network.path, (folder_ / "plnet_lines.onnx").string());
+  EXPECT_EQ(lines.network.path, (folder_ / "line_neck.onnx").string());
   EXPECT_EQ(lines.field, "line_field");
   EXPECT_EQ(lines.junctions, "junction_maps");
-  EXPECT_EQ(lines.pooled, "line_features");
-  EXPECT_EQ(lines.channels, 2);
-  EXPECT_EQ(lines.samples, 4);
-  EXPECT_EQ(lines.classifier.path, (folder_ / "line_classifier.onnx").string());
-  EXPECT_EQ(lines.classifier_input, "features");
-  EXPECT_EQ(lines.classifier_output, "logits");
+  ASSERT_EQ(lines.pooled.size(), 2U);
+  EXPECT_EQ(lines.pooled[0].map.output, "line_features");
+  EXPECT_EQ(lines.pooled[0].map.channels, 2);
+  EXPECT_EQ(lines.pooled[0].samples, 4);
+  EXPECT_EQ(lines.pooled[1].map.stride, 8);
+  EXPECT_EQ(lines.pooled[1].samples, 2);
+  EXPECT_EQ(lines.classifier.network.path, (folder_ / "line_classifier.onnx").string());
+  EXPECT_EQ(lines.classifier.input, "features");
+  EXPECT_EQ(lines.classifier.output, "logits");
   EXPECT_EQ(lines.decoder.stride, 4);
   EXPECT_EQ(lines.decoder.reach, 16);
   EXPECT_EQ(lines.decoder.min_confidence, 0.5F);
@@ -123,8 +135,8 @@ TEST_F(ModelPackTest, TheLineModuleMayBeAbsentButNotWrong) {
   EXPECT_FALSE(ReadModelPack(folder_.string()).features.lines.has_value());
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"].erase("classifier"); }),
               HasSubstr("'features.lines.classifier' is missing"));
-  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["samples"] = 1; }),
-              HasSubstr("'features.lines.samples' is 1, expected an integer from 2"));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["pooled"][1]["samples"] = 1; }),
+              HasSubstr("'features.lines.pooled[1].samples' is 1, expected an integer from 2"));
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["stride"] = 5; }),
               HasSubstr("'features.lines.stride' is 5, expected a divisor"));
   std::ofstream(folder_ / "line_classifier.onnx", std::ios::app) << "x";
@@ -138,8 +150,8 @@ TEST_F(ModelPackTest, NamesWhatIsMissing) {
                 HasSubstr(std::string("the field '") + field + "' is missing"));
   }
   for (const char* field :
-       {"file", "sha256", "input", "normalization", "multiple", "descriptors", "scores",
-        "descriptor_size", "descriptor_stride", "half_pixel", "score_threshold", "nms_radius"}) {
+       {"file", "sha256", "input", "normalization", "multiple", "scores", "score_stride", "layout",
+        "maps", "descriptor_size", "half_pixel", "score_threshold", "nms_radius"}) {
     EXPECT_THAT(ErrorWith([&](json& m) { m["features"].erase(field); }),
                 HasSubstr(std::string("the field 'features.") + field + "' is missing"));
   }
@@ -152,16 +164,23 @@ TEST_F(ModelPackTest, NamesWhatIsMissing) {
 }
 
 TEST_F(ModelPackTest, NamesWhatIsWrong) {
-  EXPECT_THAT(ErrorWith([](json& m) { m["format"] = 2; }),
-              AllOf(HasSubstr("format 2 is unknown"), HasSubstr("reads format 1")));
+  EXPECT_THAT(ErrorWith([](json& m) { m["format"] = 1; }),
+              AllOf(HasSubstr("format 1 is unknown"), HasSubstr("reads format 2")));
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["normalization"] = "none"; }),
               HasSubstr("'features.normalization' is \"none\""));
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["multiple"] = "16"; }),
               HasSubstr("'features.multiple' is \"16\", expected an integer"));
-  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["multiple"] = 6; }),
-              HasSubstr("expected a multiple of the descriptor stride 4"));
-  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["descriptor_stride"] = 0; }),
-              HasSubstr("'features.descriptor_stride' is 0"));
+  EXPECT_THAT(
+      ErrorWith([](json& m) { m["features"]["multiple"] = 6; }),
+      HasSubstr("'features.score_stride' is 4, expected a divisor of features.multiple, 6"));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["maps"][0]["stride"] = 0; }),
+              HasSubstr("'features.maps[0].stride' is 0"));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["layout"] = "rows"; }),
+              HasSubstr("'features.layout' is \"rows\", expected \"cells\" or \"planes\""));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"]["layout"] = "planes"; }),
+              HasSubstr("lines need the maps in the layout \"cells\""));
+  EXPECT_THAT(ErrorWith([](json& m) { m["features"].erase("descriptor_head"); }),
+              HasSubstr("without 'features.descriptor_head' descriptors are read of one map"));
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["half_pixel"] = 1; }),
               HasSubstr("'features.half_pixel' is 1, expected true or false"));
   EXPECT_THAT(ErrorWith([](json& m) { m["matcher"]["threshold"] = 1.5; }),

@@ -2,6 +2,7 @@
 #include "airslam/neural/network.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "airslam/common/error.h"
 
@@ -53,7 +54,7 @@ std::int64_t ElementCount(const TensorShape& shape) {
   return count;
 }
 
-void Network::Run(std::span<const NamedTensor> given) {
+void Network::Run(std::span<const NamedTensor> given, std::span<const NamedBuffer> buffers) {
   const std::vector<TensorPort>& ports = inputs();
   std::vector<const TensorView*> ordered(ports.size(), nullptr);
   for (const NamedTensor& input : given) {
@@ -77,7 +78,16 @@ void Network::Run(std::span<const NamedTensor> given) {
            ToString(ports[i].shape));
     }
   }
-  RunChecked(ordered);
+  std::vector<float*> memory(outputs().size(), nullptr);
+  for (const NamedBuffer& buffer : buffers) {
+    const TensorPort& port = OutputPort(buffer.name);
+    if (std::cmp_not_equal(buffer.values.size(), ElementCount(port.shape))) {
+      Fail("{}: the output '{}' ({}) was given memory for {} values", description(), port.name,
+           ToString(port.shape), buffer.values.size());
+    }
+    memory[static_cast<std::size_t>(&port - outputs().data())] = buffer.values.data();
+  }
+  RunChecked(ordered, memory);
 }
 
 void Network::RequireOutput(std::string_view name, const TensorShape& expected) const {

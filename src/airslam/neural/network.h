@@ -34,6 +34,12 @@ struct NamedTensor {
   TensorView tensor;
 };
 
+// Memory that the network's output `name` is written to.
+struct NamedBuffer {
+  std::string_view name;
+  std::span<float> values;
+};
+
 // A named input or output of a network, with its declared shape.
 struct TensorPort {
   std::string name;
@@ -52,11 +58,13 @@ class Network {
 
   // Computes the outputs. Every input must be given exactly once, and the data must stay alive and
   // unchanged until the call returns; nothing is copied on the way in. Throws Error that says which
-  // name or shape was expected and which was found.
-  void Run(std::span<const NamedTensor> inputs);
+  // name or shape was expected and which was found. Outputs may be given memory of the caller's,
+  // which then must outlive their use; give it to an output in every Run or in none.
+  void Run(std::span<const NamedTensor> inputs, std::span<const NamedBuffer> outputs = {});
 
-  // The output `name` of the latest Run. The memory belongs to the network: it is overwritten by
-  // the next Run and dies with the network. Throws Error when there is no such output.
+  // The output `name` of the latest Run. Unless the caller gave memory for it, the memory belongs
+  // to the network: it is overwritten by the next Run and dies with the network. Throws Error when
+  // there is no such output.
   virtual TensorView Output(std::string_view name) const = 0;
 
   // Throws Error unless the network has the output `name` and its declared shape agrees with
@@ -73,8 +81,10 @@ class Network {
   virtual std::string description() const = 0;
 
  private:
-  // The inputs have been checked and are in the order of inputs().
-  virtual void RunChecked(std::span<const TensorView* const> inputs) = 0;
+  // The inputs have been checked and are in the order of inputs(); outputs, in the order of
+  // outputs(), are null where the network's own memory serves.
+  virtual void RunChecked(std::span<const TensorView* const> inputs,
+                          std::span<float* const> outputs) = 0;
 };
 
 // Loads the network in `file` and fixes the shapes of the named inputs; those not named keep their

@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <mutex>
 #include <openvino/openvino.hpp>
 #include <utility>
 
@@ -61,13 +62,19 @@ class OpenVinoNetwork final : public Network {
   }
 
  private:
-  void RunChecked(std::span<const TensorView* const> inputs) override {
+  void RunChecked(std::span<const TensorView* const> inputs,
+                  std::span<float* const> outputs) override {
     try {
       for (std::size_t i = 0; i < inputs.size(); ++i) {
         // OpenVINO wants a mutable pointer but only reads an input.
         float* data = const_cast<float*>(inputs[i]->data);
         const ov::Shape shape(inputs[i]->shape.begin(), inputs[i]->shape.end());
         request_.set_input_tensor(i, ov::Tensor(ov::element::f32, shape, data));
+      }
+      for (std::size_t i = 0; i < outputs.size(); ++i) {
+        if (outputs[i] == nullptr) continue;
+        const ov::Shape& shape = model_.output(i).get_shape();
+        request_.set_output_tensor(i, ov::Tensor(ov::element::f32, shape, outputs[i]));
       }
       request_.infer();
     } catch (const ov::Exception& error) {
@@ -87,6 +94,14 @@ bool IsWritableFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   return std::filesystem::is_directory(folder, error) && access(folder.c_str(), W_OK | X_OK) == 0;
+}
+
+// With a cache OpenVINO sets the process's locale to "C" while it compiles, and back: on two
+// threads at once it stayed so, and a Python program could then write no letter beyond ASCII.
+ov::CompiledModel Compile(const std::shared_ptr<ov::Model>& model, const ov::AnyMap& config) {
+  static std::mutex mutex;
+  const std::scoped_lock lock(mutex);
+  return Core().compile_model(model, "CPU", config);
 }
 
 std::shared_ptr<ov::Model> ReadModel(const std::string& file) {
@@ -138,7 +153,7 @@ std::string OpenVinoVersion() {
 
 bool CpuHasBf16() {
 #if defined(__x86_64__)
-  return __builtin_cpu_supports("avx512bf16");  // every CPU with AMX-BF16 has it too
+  return __builtin_cpu_supports("amx-bf16");
 #else
   return false;
 #endif
@@ -179,12 +194,12 @@ std::unique_ptr<Network> LoadOpenVinoNetwork(const std::string& file,
     ov::AnyMap cached = config;
     cached.insert(ov::cache_dir(cache));
     try {
-      return std::make_unique<OpenVinoNetwork>(file, Core().compile_model(model, "CPU", cached));
+      return std::make_unique<OpenVinoNetwork>(file, Compile(model, cached));
     } catch (const ov::Exception&) {  // a cache that fails, say on a full disk, is done without
     }
   }
   try {
-    return std::make_unique<OpenVinoNetwork>(file, Core().compile_model(model, "CPU", config));
+    return std::make_unique<OpenVinoNetwork>(file, Compile(model, config));
   } catch (const ov::Exception& error) {
     Fail("{}: OpenVINO could not compile the network: {}", file, error.what());
   }

@@ -4,10 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
+#include <unistd.h>
 
+#include <clocale>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <thread>
 
 #include "airslam/common/error.h"
 
@@ -19,7 +22,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 const std::string kData = AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata";
-const std::string kPlNet = kData + "/pack/plnet.onnx";
+const std::string kPlNet = kData + "/planes.onnx";
 const std::string kStage0 = kData + "/pack/matcher_stage0.onnx";
 
 std::string ErrorOf(const std::function<void()>& action) {
@@ -92,6 +95,27 @@ TEST(OpenVinoNetwork, EqualInputsGiveEqualBits) {
   EXPECT_EQ(Descriptors(*again, image, shape), first);
 }
 
+// OpenVINO changes the locale while it compiles.
+TEST(OpenVinoNetwork, LoadingOnManyThreadsLeavesTheLocale) {
+  ASSERT_NE(std::setlocale(LC_CTYPE, "C.UTF-8"), nullptr);
+  OpenVinoOptions options;
+  const fs::path cache = fs::temp_directory_path() / fmt::format("airslam_locale_{}", getpid());
+  options.cache_folder = cache.string();
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < 4; ++i) {
+      threads.emplace_back([&options, i] {
+        for (int k = 1; k <= 6; ++k) {
+          LoadOpenVinoNetwork(kPlNet, {{"image", {1, 1, 16 * (i + 1), 16 * k}}}, options);
+        }
+      });
+    }
+  }
+  fs::remove_all(cache);
+  EXPECT_STREQ(std::setlocale(LC_CTYPE, nullptr), "C.UTF-8");
+  std::setlocale(LC_CTYPE, "C");
+}
+
 TEST(OpenVinoNetwork, SaysWhichInputIsWrong) {
   const auto network = LoadOpenVinoNetwork(kPlNet, {{"image", {1, 1, 16, 32}}}, Plain());
   const std::vector<float> image = Ramp(16 * 32);
@@ -102,7 +126,7 @@ TEST(OpenVinoNetwork, SaysWhichInputIsWrong) {
   EXPECT_THAT(ErrorOf([&] {
                 network->Run({&wrong_name, 1});
               }),
-              AllOf(HasSubstr("plnet.onnx"), HasSubstr("no input 'picture'; it has 'image'")));
+              AllOf(HasSubstr("planes.onnx"), HasSubstr("no input 'picture'; it has 'image'")));
   EXPECT_THAT(ErrorOf([&] {
                 network->Run({&wrong_shape, 1});
               }),
@@ -110,6 +134,12 @@ TEST(OpenVinoNetwork, SaysWhichInputIsWrong) {
   EXPECT_THAT(ErrorOf([&] { network->Run({}); }),
               HasSubstr("the input 'image' (1x1x16x32) was not given"));
   EXPECT_THAT(ErrorOf([&] { network->Run(twice); }), HasSubstr("'image' was given twice"));
+  std::vector<float> memory(7);
+  const NamedBuffer too_small{"score_logits", memory};
+  EXPECT_THAT(ErrorOf([&] {
+                network->Run({twice.data(), 1}, {&too_small, 1});
+              }),
+              HasSubstr("the output 'score_logits' (1x1x16x32) was given memory for 7 values"));
   EXPECT_THAT(ErrorOf([&] { network->Output("lines"); }),
               HasSubstr("no output 'lines'; it has 'descriptors', 'score_logits'"));
   EXPECT_THAT(ErrorOf([&] {

@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <iterator>
+#include <map>
+#include <numeric>
+#include <string>
 #include <utility>
 
 #include "airslam/common/error.h"
@@ -15,9 +17,6 @@ namespace {
 
 // A stereo pair needs one size, a folder of pictures perhaps a few.
 constexpr std::size_t kMaxInstances = 4;
-
-// Proposals that the classifier judges in one run.
-constexpr std::size_t kClassifierRows = 256;
 
 // Standard deviations below this are the noise of a dark image, not contrast to be stretched.
 constexpr double kMinDeviation = 2.0;
@@ -52,32 +51,6 @@ std::array<float, 256> NormalizationTable(const cv::Mat& image, Normalization no
   return table;
 }
 
-// Four cells of a descriptor map with their weights.
-struct BilinearTap {
-  std::ptrdiff_t top, bottom;  // offsets of the left cells
-  std::ptrdiff_t right;        // step to the right cells
-  float w00, w01, w10, w11;    // top left, top right, bottom left, bottom right
-};
-
-BilinearTap MakeTap(const Keypoint& k, int stride, bool half_pixel, int width, int height) {
-  const auto s = static_cast<float>(stride);
-  const auto cell = [&](float pixel, int size) {
-    const float c = half_pixel ? (pixel + 0.5F) / s - 0.5F : pixel / s;
-    return std::clamp(c, 0.0F, static_cast<float>(size - 1));
-  };
-  const float x = cell(k.x, width), y = cell(k.y, height);
-  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  const float ax = x - static_cast<float>(x0), ay = y - static_cast<float>(y0);
-  const int y1 = std::min(y0 + 1, height - 1);
-  return {static_cast<std::ptrdiff_t>(y0) * width + x0,
-          static_cast<std::ptrdiff_t>(y1) * width + x0,
-          x0 + 1 < width ? 1 : 0,
-          (1 - ax) * (1 - ay),
-          ax * (1 - ay),
-          (1 - ax) * ay,
-          ax * ay};
-}
-
 }  // namespace
 
 void NormalizeImage(const cv::Mat& image, Normalization normalization, int width, int height,
@@ -95,41 +68,14 @@ void NormalizeImage(const cv::Mat& image, Normalization normalization, int width
   }
 }
 
-DescriptorMatrix SampleDescriptors(const TensorView& map, std::span<const Keypoint> keypoints,
-                                   int stride, bool half_pixel) {
-  const int size = static_cast<int>(map.shape[1]);
-  const int height = static_cast<int>(map.shape[2]);
-  const int width = static_cast<int>(map.shape[3]);
-  std::vector<BilinearTap> taps;
-  taps.reserve(keypoints.size());
-  for (const Keypoint& k : keypoints) taps.push_back(MakeTap(k, stride, half_pixel, width, height));
-  DescriptorMatrix descriptors(static_cast<Eigen::Index>(keypoints.size()), size);
-  // One channel after the other: a channel of the map fits into the cache, the whole map does not.
-  for (int channel = 0; channel < size; ++channel) {
-    const float* plane = map.data + static_cast<std::ptrdiff_t>(channel) * width * height;
-    float* out = descriptors.data() + channel;
-    for (const BilinearTap& tap : taps) {
-      const float* top = plane + tap.top;
-      const float* bottom = plane + tap.bottom;
-      *out = tap.w00 * top[0] + tap.w01 * top[tap.right] + tap.w10 * bottom[0] +
-             tap.w11 * bottom[tap.right];
-      out += size;
-    }
-  }
-  for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
-    const float norm = descriptors.row(i).norm();
-    if (norm > 0) descriptors.row(i) /= norm;
-  }
-  return descriptors;
-}
-
-// The network, with or without the line module, compiled for one image size, and its input.
+// What is compiled and allocated for one image size.
 struct PlNet::Instance {
   cv::Size image_size;
-  bool lines = false;
   int width = 0, height = 0;  // of the network's input
-  std::unique_ptr<Network> network;
-  std::vector<float> input;
+  std::vector<float> input, scores;
+  std::vector<int> map_sizes;         // values of each map
+  std::unique_ptr<Network> features;  // scores and maps; loaded by the first image to see
+  std::unique_ptr<Network> lines;     // loaded by the first image with lines
 };
 
 PlNet::PlNet(const FeatureNetworkSpec& spec, NetworkLoader loader, const PlNetOptions& options)
@@ -142,9 +88,9 @@ PlNet::PlNet(const FeatureNetworkSpec& spec, NetworkLoader loader, const PlNetOp
 
 PlNet::~PlNet() = default;
 
-PlNet::Instance& PlNet::InstanceFor(cv::Size image_size, bool lines) {
+PlNet::Instance& PlNet::InstanceFor(cv::Size image_size) {
   const auto found = std::find_if(instances_.begin(), instances_.end(), [&](const auto& instance) {
-    return instance->image_size == image_size && instance->lines == lines;
+    return instance->image_size == image_size;
   });
   if (found != instances_.end()) {
     std::rotate(found, found + 1, instances_.end());
@@ -152,88 +98,168 @@ PlNet::Instance& PlNet::InstanceFor(cv::Size image_size, bool lines) {
   }
   auto instance = std::make_unique<Instance>();
   instance->image_size = image_size;
-  instance->lines = lines;
   instance->width = RoundUp(image_size.width, spec_.multiple);
   instance->height = RoundUp(image_size.height, spec_.multiple);
-  instance->input.resize(static_cast<std::size_t>(instance->width) *
-                         static_cast<std::size_t>(instance->height));
-  const std::int64_t w = instance->width, h = instance->height, s = spec_.descriptor_stride;
-  const PackFile& file = lines ? spec_.lines->network : spec_.network;
-  instance->network = loader_(file.path, {{spec_.input, {1, 1, h, w}}});
-  instance->network->RequireOutput(spec_.scores, {1, 1, h, w});
-  instance->network->RequireOutput(spec_.descriptors, {1, spec_.descriptor_size, h / s, w / s});
-  if (lines) LoadLineModule(*instance->network, h, w);
+  for (const FeatureMapSpec& map : spec_.maps) {
+    instance->map_sizes.push_back(instance->width / map.stride * (instance->height / map.stride) *
+                                  map.channels);
+  }
   if (instances_.size() == kMaxInstances) instances_.erase(instances_.begin());
   instances_.push_back(std::move(instance));
   return *instances_.back();
 }
 
-void PlNet::LoadLineModule(const Network& network, std::int64_t height, std::int64_t width) {
+void PlNet::LoadFeatures(Instance& instance) {
+  const std::int64_t w = instance.width, h = instance.height, s = spec_.score_stride;
+  auto network = loader_(spec_.network.path, {{spec_.input, {1, 1, h, w}}});
+  network->RequireOutput(spec_.scores,
+                         s == 1 ? TensorShape{1, 1, h, w} : TensorShape{h / s * (w / s), s * s});
+  for (const FeatureMapSpec& map : spec_.maps) {
+    const std::int64_t rows = h / map.stride, columns = w / map.stride;
+    network->RequireOutput(map.output, spec_.layout == MapLayout::kCells
+                                           ? TensorShape{rows * columns, map.channels}
+                                           : TensorShape{1, map.channels, rows, columns});
+  }
+  LoadDescriptorHead();
+  instance.input.resize(static_cast<std::size_t>(w * h));
+  if (s > 1) instance.scores.resize(static_cast<std::size_t>(w * h));
+  instance.features = std::move(network);
+}
+
+void PlNet::LoadDescriptorHead() {
+  if (!spec_.descriptor_head || descriptor_head_) return;
+  descriptor_head_ = std::make_unique<RowNetwork>(*spec_.descriptor_head, SampledChannels(),
+                                                  spec_.descriptor_size, loader_);
+}
+
+int PlNet::SampledChannels() const {
+  return std::accumulate(spec_.maps.begin(), spec_.maps.end(), 0,
+                         [](int sum, const FeatureMapSpec& map) { return sum + map.channels; });
+}
+
+void PlNet::LoadLines(Instance& instance) {
   const LineNetworkSpec& lines = *spec_.lines;
-  const std::int64_t h = height / lines.decoder.stride, w = width / lines.decoder.stride;
-  network.RequireOutput(lines.field, {1, 6, h, w});
-  network.RequireOutput(lines.junctions, {1, 3, h, w});
-  network.RequireOutput(lines.pooled, {1, h, w, lines.channels});
-  if (classifier_) return;
-  const TensorShape shape = {kClassifierRows, lines.samples * lines.channels + kLineExtras};
-  classifier_ = loader_(lines.classifier.path, {{lines.classifier_input, shape}});
-  classifier_->RequireOutput(lines.classifier_output, {shape[0]});
-  classifier_input_.assign(static_cast<std::size_t>(ElementCount(shape)), 0.0F);
+  const std::int64_t w = instance.width, h = instance.height, s = lines.decoder.stride;
+  std::map<std::string, TensorShape> shapes;
+  for (const FeatureMapSpec& map : spec_.maps) {
+    shapes[map.output] = {1, h / map.stride, w / map.stride, map.channels};
+  }
+  auto network = loader_(lines.network.path, shapes);
+  network->RequireOutput(lines.field, {1, 6, h / s, w / s});
+  network->RequireOutput(lines.junctions, {1, 3, h / s, w / s});
+  int inputs = kLineExtras;
+  for (const auto& [map, samples] : lines.pooled) {
+    network->RequireOutput(map.output, {h / map.stride * (w / map.stride), map.channels});
+    inputs += samples * map.channels;
+  }
+  if (!classifier_) {
+    classifier_ = std::make_unique<RowNetwork>(lines.classifier, inputs, 1, loader_);
+  }
+  LoadDescriptorHead();
+  instance.lines = std::move(network);
 }
 
 void PlNet::Prepare(cv::Size image_size, bool lines) {
-  InstanceFor(image_size, lines && finds_lines());
+  Instance& instance = InstanceFor(image_size);
+  if (!instance.features) LoadFeatures(instance);
+  if (lines && finds_lines() && !instance.lines) LoadLines(instance);
 }
 
-// The probability of each proposal. Rows of the last run beyond the proposals keep what they held:
-// no row of the classifier looks at another.
-std::vector<float> PlNet::Classify(const Network& network, std::span<const Keypoint> junctions,
-                                   std::span<const LineProposal> proposals) {
-  const LineNetworkSpec& lines = *spec_.lines;
-  const TensorView pooled = network.Output(lines.pooled);
-  const auto height = static_cast<int>(pooled.shape[1]), width = static_cast<int>(pooled.shape[2]);
-  const TensorShape shape = {kClassifierRows, lines.samples * lines.channels + kLineExtras};
-  const NamedTensor input{lines.classifier_input, {classifier_input_.data(), shape}};
-  std::vector<float> probabilities;
-  probabilities.reserve(proposals.size());
-  while (probabilities.size() < proposals.size()) {
-    const auto part = proposals.subspan(
-        probabilities.size(), std::min(kClassifierRows, proposals.size() - probabilities.size()));
-    float* row = classifier_input_.data();
-    for (const LineProposal& proposal : part) {
-      PoolAlongLine(pooled.data, width, height, lines.channels, lines.decoder.stride,
-                    junctions[static_cast<std::size_t>(proposal.start)],
-                    junctions[static_cast<std::size_t>(proposal.end)], lines.samples, row);
-      row = std::copy(proposal.extras.begin(), proposal.extras.end(),
-                      row + static_cast<std::ptrdiff_t>(lines.samples) * lines.channels);
-    }
-    classifier_->Run({&input, 1});
-    const float* logits = classifier_->Output(lines.classifier_output).data;
-    std::transform(logits, logits + part.size(), std::back_inserter(probabilities),
-                   [](float logit) { return 1 / (1 + std::exp(-logit)); });
+FeatureMap PlNet::MapOf(const ImageMaps& maps, std::size_t index) const {
+  const FeatureMapSpec& map = spec_.maps[index];
+  return {maps.values[index].ptr<float>(),
+          RoundUp(maps.image_size.width, spec_.multiple) / map.stride,
+          RoundUp(maps.image_size.height, spec_.multiple) / map.stride,
+          map.channels,
+          map.stride,
+          spec_.layout};
+}
+
+// The scores are those of the instance's latest run.
+std::vector<Keypoint> PlNet::FindKeypoints(Instance& instance, const cv::Mat& mask,
+                                           int count) const {
+  const int s = spec_.score_stride;
+  const float* plane = instance.features->Output(spec_.scores).data;
+  if (s > 1) {
+    UnfoldCells({plane, instance.width / s, instance.height / s, s * s, s}, instance.scores.data());
+    plane = instance.scores.data();
   }
-  return probabilities;
+  KeypointDecoderOptions decoder = options_.decoder;
+  decoder.max_keypoints = count;
+  const cv::Size size = instance.image_size;
+  return DecodeKeypoints({plane, size.width, size.height, instance.width}, mask, decoder);
 }
 
-void PlNet::DetectLines(const Network& network, const cv::Mat& image, const cv::Mat& mask,
-                        const DetectionRequest& request, Detections& detections) {
+DescriptorMatrix PlNet::Describe(const ImageMaps& maps, std::span<const Keypoint> points) {
+  const int channels = SampledChannels();
+  DescriptorMatrix samples(static_cast<Eigen::Index>(points.size()), channels);
+  int first = 0;
+  for (std::size_t i = 0; i < spec_.maps.size(); ++i) {
+    SampleAtKeypoints(MapOf(maps, i), points, spec_.half_pixel, samples.data() + first, channels);
+    first += spec_.maps[i].channels;
+  }
+  if (descriptor_head_) {
+    const std::vector<float> described = descriptor_head_->Run(
+        static_cast<int>(points.size()),
+        [&](int i, float* row) { std::copy_n(samples.row(i).data(), channels, row); });
+    samples =
+        Eigen::Map<const DescriptorMatrix>(described.data(), samples.rows(), spec_.descriptor_size);
+  }
+  for (Eigen::Index i = 0; i < samples.rows(); ++i) {
+    const float norm = samples.row(i).norm();
+    if (norm > 0) samples.row(i) /= norm;
+  }
+  return samples;
+}
+
+// The probability of each proposal.
+std::vector<float> PlNet::Classify(const Instance& instance, std::span<const Keypoint> junctions,
+                                   std::span<const LineProposal> proposals) {
+  std::vector<FeatureMap> maps;
+  for (const auto& [map, samples] : spec_.lines->pooled) {
+    maps.push_back({instance.lines->Output(map.output).data, instance.width / map.stride,
+                    instance.height / map.stride, map.channels, map.stride});
+  }
+  const auto fill = [&](int index, float* row) {
+    const LineProposal& proposal = proposals[static_cast<std::size_t>(index)];
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      const int samples = spec_.lines->pooled[i].samples;
+      PoolAlongLine(maps[i], junctions[static_cast<std::size_t>(proposal.start)],
+                    junctions[static_cast<std::size_t>(proposal.end)], samples, row);
+      row += static_cast<std::ptrdiff_t>(samples) * maps[i].channels;
+    }
+    std::copy(proposal.extras.begin(), proposal.extras.end(), row);
+  };
+  std::vector<float> scores = classifier_->Run(static_cast<int>(proposals.size()), fill);
+  for (float& score : scores) score = 1 / (1 + std::exp(-score));
+  return scores;
+}
+
+void PlNet::AddLines(const ImageMaps& maps, const cv::Mat& mask, const DetectionRequest& request,
+                     Detections& detections) {
   const LineNetworkSpec& lines = *spec_.lines;
   LineDecoderOptions decoder = lines.decoder;
   decoder.max_junctions = std::min(decoder.max_junctions, request.max_junctions);
   decoder.max_proposals = std::min(decoder.max_proposals, request.max_line_proposals);
   decoder.Validate();
-  const TensorView field = network.Output(lines.field);
-  const LineMaps maps{field.data, network.Output(lines.junctions).data,
-                      static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
-  const std::vector<Keypoint> junctions = FindJunctions(maps, image.size(), mask, decoder);
-  const std::vector<LineProposal> proposals = ProposeLines(maps, junctions, mask, decoder);
+  Instance& instance = InstanceFor(maps.image_size);
+  if (!instance.lines) LoadLines(instance);
+  std::vector<NamedTensor> inputs;
+  for (std::size_t i = 0; i < spec_.maps.size(); ++i) {
+    const FeatureMap map = MapOf(maps, i);
+    inputs.push_back({spec_.maps[i].output, {map.data, {1, map.height, map.width, map.channels}}});
+  }
+  instance.lines->Run(inputs);
+  const TensorView field = instance.lines->Output(lines.field);
+  const LineMaps line_maps{field.data, instance.lines->Output(lines.junctions).data,
+                           static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
+  const std::vector<Keypoint> junctions = FindJunctions(line_maps, maps.image_size, mask, decoder);
+  const std::vector<LineProposal> proposals = ProposeLines(line_maps, junctions, mask, decoder);
   const std::vector<float> scores =
-      SuppressDoubles(junctions, proposals, Classify(network, junctions, proposals),
+      SuppressDoubles(junctions, proposals, Classify(instance, junctions, proposals),
                       decoder.double_radius, request.min_line_score);
   KeepLines(junctions, proposals, scores, request.min_line_score, detections);
-  detections.junction_descriptors =
-      SampleDescriptors(network.Output(spec_.descriptors), detections.junctions,
-                        spec_.descriptor_stride, spec_.half_pixel);
+  detections.junction_descriptors = Describe(maps, detections.junctions);
 }
 
 Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask,
@@ -242,24 +268,36 @@ Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask,
     Fail("PLNet takes grey images of type CV_8UC1 with at least one pixel, not {}x{} of type {}",
          image.cols, image.rows, cv::typeToString(image.type()));
   }
-  const bool lines = request.lines && finds_lines();
-  Instance& instance = InstanceFor(image.size(), lines);
+  Instance& instance = InstanceFor(image.size());
+  if (!instance.features) LoadFeatures(instance);
   NormalizeImage(image, spec_.normalization, instance.width, instance.height,
                  instance.input.data());
+  const std::shared_ptr<ImageMaps> maps = pool_.Take(image.size(), instance.map_sizes);
   const NamedTensor input{spec_.input,
                           {instance.input.data(), {1, 1, instance.height, instance.width}}};
-  instance.network->Run({&input, 1});
+  std::vector<NamedBuffer> outputs;
+  for (std::size_t i = 0; i < spec_.maps.size(); ++i) {
+    outputs.push_back(
+        {spec_.maps[i].output, {maps->values[i].ptr<float>(), maps->values[i].total()}});
+  }
+  instance.features->Run({&input, 1}, outputs);
 
-  KeypointDecoderOptions decoder = options_.decoder;
-  decoder.max_keypoints = request.max_keypoints;
-  const TensorView scores = instance.network->Output(spec_.scores);
   Detections detections;
-  detections.keypoints =
-      DecodeKeypoints({scores.data, image.cols, image.rows, instance.width}, mask, decoder);
-  detections.descriptors =
-      SampleDescriptors(instance.network->Output(spec_.descriptors), detections.keypoints,
-                        spec_.descriptor_stride, spec_.half_pixel);
-  if (lines) DetectLines(*instance.network, image, mask, request, detections);
+  detections.keypoints = FindKeypoints(instance, mask, request.max_keypoints);
+  detections.descriptors = Describe(*maps, detections.keypoints);
+  if (request.lines && finds_lines()) AddLines(*maps, mask, request, detections);
+  if (request.keep_maps) detections.maps = maps;
+  return detections;
+}
+
+Detections PlNet::FindLines(const cv::Mat& image, const cv::Mat& mask, const Detections& seen,
+                            DetectionRequest request) {
+  if (!seen.maps) return FeatureDetector::FindLines(image, mask, seen, request);
+  if (seen.maps->image_size != image.size() || seen.maps->values.size() != spec_.maps.size()) {
+    Fail("lines cannot be looked for in maps of another image or of other networks");
+  }
+  Detections detections;
+  if (request.lines && finds_lines()) AddLines(*seen.maps, mask, request, detections);
   return detections;
 }
 

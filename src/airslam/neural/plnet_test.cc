@@ -14,6 +14,7 @@
 namespace airslam {
 namespace {
 
+constexpr char kData[] = AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata";
 constexpr char kPack[] = AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata/pack";
 
 NetworkLoader ExactLoader() {
@@ -59,6 +60,56 @@ TEST(PlNet, FindsDotsBestFirst) {
   EXPECT_EQ(found.descriptors.cols(), plnet.descriptor_size());
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(found.descriptors.row(i).norm(), 1, 1e-5);
   EXPECT_EQ(plnet.Detect(Dots({61, 45}, dots), cv::Mat(), 2).keypoints.size(), 2U);
+}
+
+// At a cell's centre nothing is interpolated: what the test networks compute can be done by hand.
+TEST(PlNet, DescriptorsComeOfAllMapsThroughTheHead) {
+  cv::Mat image(48, 64, CV_8UC1);
+  cv::RNG(3).fill(image, cv::RNG::UNIFORM, 0, 60);
+  image.at<std::uint8_t>(19, 27) = 255;
+  DetectionRequest request(1);
+  request.keep_maps = true;
+  const Detections found = PlNet(Spec(), ExactLoader()).Detect(image, cv::Mat(), request);
+  ASSERT_EQ(found.keypoints.size(), 1U);
+  const Keypoint& k = found.keypoints[0];
+  ASSERT_TRUE(found.maps);
+  const FeatureMap fine{found.maps->values[0].ptr<float>(), 16, 12, 4, 4};
+  const FeatureMap coarse{found.maps->values[1].ptr<float>(), 8, 6, 1, 8};
+  const cv::Mat cell = image(cv::Rect(24, 16, 4, 4)), block = image(cv::Rect(24, 16, 8, 8));
+  EXPECT_NEAR(fine.data[(4 * 16 + 6) * 4], cv::mean(cell)[0] / 255, 1e-5);
+  EXPECT_NEAR(coarse.data[2 * 8 + 3], cv::mean(block)[0] / 255, 1e-5);
+  Eigen::RowVector4f expected;
+  float mean = 0;
+  SampleAtKeypoints(fine, {&k, 1}, true, expected.data(), 4);
+  SampleAtKeypoints(coarse, {&k, 1}, true, &mean, 1);
+  expected[0] += mean;
+  EXPECT_TRUE(found.descriptors.row(0).isApprox(expected.normalized(), 1e-4F));
+}
+
+// A pack as others make them: one dense map of descriptors and a plane of scores.
+TEST(PlNet, TakesDenseDescriptorsInPlanes) {
+  FeatureNetworkSpec spec = Spec();
+  spec.network.path = kData + std::string("/planes.onnx");
+  spec.layout = MapLayout::kPlanes;
+  spec.score_stride = 1;
+  spec.maps = {{"descriptors", 4, 4}};
+  spec.descriptor_head.reset();
+  spec.lines.reset();
+  cv::Mat noise(45, 61, CV_8UC1);
+  cv::RNG(8).fill(noise, cv::RNG::UNIFORM, 0, 256);
+  const Detections dense = PlNet(spec, ExactLoader()).Detect(noise, cv::Mat(), 20);
+  // The same features in cells, and without the head's addition.
+  spec = Spec();
+  const Detections cells = PlNet(spec, ExactLoader()).Detect(noise, cv::Mat(), 20);
+  ASSERT_EQ(dense.keypoints.size(), 20U);
+  ASSERT_EQ(cells.keypoints.size(), 20U);
+  for (std::size_t i = 0; i < 20; ++i) {
+    EXPECT_NEAR(dense.keypoints[i].x, cells.keypoints[i].x, 1e-4);
+    EXPECT_NEAR(dense.keypoints[i].y, cells.keypoints[i].y, 1e-4);
+    const auto row = static_cast<Eigen::Index>(i);
+    EXPECT_TRUE(dense.descriptors.row(row).tail(3).normalized().isApprox(
+        cells.descriptors.row(row).tail(3).normalized(), 1e-3F));
+  }
 }
 
 TEST(PlNet, RespectsTheMask) {
@@ -136,7 +187,10 @@ TEST(PlNet, RefusesWhatItCannotTake) {
   const cv::Mat image(48, 64, CV_8UC1, cv::Scalar(0));
   EXPECT_THROW(plnet.Detect(image, cv::Mat(48, 32, CV_8UC1), 10), Error);
   FeatureNetworkSpec spec = Spec();
-  spec.descriptor_size = 64;
+  spec.descriptor_size = 64;  // the head gives fewer
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10), Error);
+  spec = Spec();
+  spec.maps[1].channels = 2;
   EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10), Error);
   spec = Spec();
   spec.scores = "heat";
@@ -154,6 +208,18 @@ cv::Mat DrawnLine(cv::Size cells, int row, int left, int right) {
   return image;
 }
 
+// The mean of 8x8 blocks of an image, interpolated at a pixel; grey as 0..1.
+double BilinearAtBlocks(const cv::Mat& image, double x, double y) {
+  cv::Mat blocks;
+  cv::resize(image, blocks, {}, 0.125, 0.125, cv::INTER_AREA);
+  const double u = (x + 0.5) / 8 - 0.5, v = (y + 0.5) / 8 - 0.5;
+  const int column = static_cast<int>(u), row = static_cast<int>(v);
+  const auto at = [&](int r, int c) { return blocks.at<std::uint8_t>(r, c) / 255.0; };
+  const double a = u - column, b = v - row;
+  return (1 - b) * ((1 - a) * at(row, column) + a * at(row, column + 1)) +
+         b * ((1 - a) * at(row + 1, column) + a * at(row + 1, column + 1));
+}
+
 TEST(PlNet, FindsLinesInTheSamePass) {
   PlNet plnet(Spec(), ExactLoader());
   EXPECT_TRUE(plnet.finds_lines());
@@ -165,9 +231,10 @@ TEST(PlNet, FindsLinesInTheSamePass) {
   EXPECT_NEAR(line.y1, 21.5, 1e-3);
   EXPECT_NEAR(line.x2, 33.5, 1e-3);
   EXPECT_NEAR(line.y2, 21.5, 1e-3);
-  // The four samples lie in junctions and between drawn cells.
+  // The four samples lie in junctions and between drawn cells; of the coarse ones the last counts.
   const double mean = (2 + 2 * 128.0 / 255) / 4;
-  EXPECT_NEAR(line.score, 1 / (1 + std::exp(1 - 4 * mean)), 1e-4);
+  const double coarse = BilinearAtBlocks(image, 33.5, 21.5);
+  EXPECT_NEAR(line.score, 1 / (1 + std::exp(1 - 4 * mean - coarse)), 1e-4);
   ASSERT_EQ(found.junctions.size(), 2U);
   ASSERT_EQ(found.line_ends.size(), 1U);
   EXPECT_EQ(found.junctions[static_cast<std::size_t>(found.line_ends[0].end)].x, line.x2);
@@ -178,6 +245,30 @@ TEST(PlNet, FindsLinesInTheSamePass) {
   EXPECT_EQ(plain.keypoints.size(), found.keypoints.size());
   EXPECT_EQ(plain.descriptors, found.descriptors);
   EXPECT_TRUE(plnet.Detect(image, cv::Mat(), {10, true, 0.99F}).lines.empty());
+}
+
+TEST(PlNet, FindsLinesLaterInMapsThatWereKept) {
+  PlNet first(Spec(), ExactLoader());
+  const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
+  const Detections at_once = first.Detect(image, cv::Mat(), {10, true, 0.5F});
+  EXPECT_FALSE(at_once.maps);
+  DetectionRequest request(10);
+  request.keep_maps = true;
+  const Detections seen = first.Detect(image, cv::Mat(), request);
+  ASSERT_TRUE(seen.maps);
+  first.Detect(DrawnLine({16, 12}, 3, 2, 9), cv::Mat(), request);  // its memory is another
+  const Detections later =
+      PlNet(Spec(), ExactLoader()).FindLines(image, cv::Mat(), seen, {10, true, 0.5F});
+  ASSERT_EQ(later.lines.size(), at_once.lines.size());
+  EXPECT_EQ(later.lines[0].x1, at_once.lines[0].x1);
+  EXPECT_EQ(later.lines[0].score, at_once.lines[0].score);
+  EXPECT_EQ(later.junction_descriptors, at_once.junction_descriptors);
+  EXPECT_TRUE(later.keypoints.empty());
+  // Without maps the image is looked at anew.
+  const Detections again = first.FindLines(image, cv::Mat(), {}, {10, true, 0.5F});
+  ASSERT_EQ(again.lines.size(), 1U);
+  EXPECT_EQ(again.lines[0].score, at_once.lines[0].score);
+  EXPECT_THROW(first.FindLines(image.colRange(0, 48), cv::Mat(), seen, {10, true}), Error);
 }
 
 // Many lines of one length below each other, more than the classifier judges at once.
@@ -223,11 +314,11 @@ TEST(PlNet, WithoutALineModuleThereAreNoLines) {
 TEST(PlNet, RefusesALineModuleThatDoesNotFit) {
   const cv::Mat image = DrawnLine({16, 12}, 5, 4, 8);
   FeatureNetworkSpec spec = Spec();
-  spec.lines->channels = 3;
+  spec.lines->pooled[0].map.channels = 3;
   EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
   EXPECT_NO_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10));
   spec = Spec();
-  spec.lines->samples = 5;  // the classifier takes another number of features
+  spec.lines->pooled[1].samples = 5;  // the classifier takes another number of features
   EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
   spec = Spec();
   spec.lines->decoder.snap = -1;
@@ -271,48 +362,6 @@ TEST(NormalizeImage, StandardizeDoesNotStretchNoise) {
   NormalizeImage(dark, Normalization::kStandardize, 2, 2, out.data());
   EXPECT_NEAR(out[0], 1.5 / 2, 1e-6);
   EXPECT_NEAR(out[3], -0.5 / 2, 1e-6);
-}
-
-// A map 1x2x3x4: channel 0 is the cell's column, channel 1 its row, both plus one.
-std::vector<float> PositionMap() {
-  std::vector<float> map;
-  for (int y = 0; y < 3; ++y) {
-    for (int x = 0; x < 4; ++x) map.push_back(static_cast<float>(x + 1));
-  }
-  for (int y = 0; y < 3; ++y) {
-    for (int x = 0; x < 4; ++x) map.push_back(static_cast<float>(y + 1));
-  }
-  return map;
-}
-
-TEST(SampleDescriptors, FollowsTheCellConvention) {
-  const std::vector<float> map = PositionMap();
-  const Keypoint k{5.3F, 6.9F, 0};
-  for (const bool half_pixel : {true, false}) {
-    const DescriptorMatrix d =
-        SampleDescriptors({map.data(), {1, 2, 3, 4}}, {&k, 1}, 4, half_pixel);
-    const double x = half_pixel ? (5.3 + 0.5) / 4 - 0.5 : 5.3 / 4;
-    const double y = half_pixel ? (6.9 + 0.5) / 4 - 0.5 : 6.9 / 4;
-    const Eigen::Vector2d expected = Eigen::Vector2d(x + 1, y + 1).normalized();
-    EXPECT_NEAR(d(0, 0), expected.x(), 1e-5);
-    EXPECT_NEAR(d(0, 1), expected.y(), 1e-5);
-  }
-}
-
-TEST(SampleDescriptors, ClampsAtTheBorder) {
-  const std::vector<float> map = PositionMap();
-  const std::vector<Keypoint> k = {{-9, -9, 0}, {99, 99, 0}, {15, 0, 0}};
-  const DescriptorMatrix d = SampleDescriptors({map.data(), {1, 2, 3, 4}}, k, 4, true);
-  EXPECT_NEAR(d(0, 0), std::sqrt(0.5), 1e-6);
-  EXPECT_NEAR(d(1, 0), 0.8, 1e-6);  // (4, 3) / 5
-  EXPECT_NEAR(d(1, 1), 0.6, 1e-6);
-  EXPECT_NEAR(d(2, 0), 4 / std::sqrt(17.0), 1e-6);
-}
-
-TEST(SampleDescriptors, AZeroStaysZero) {
-  const std::vector<float> map(2 * 3 * 4, 0.0F);
-  const Keypoint k{5, 5, 0};
-  EXPECT_EQ(SampleDescriptors({map.data(), {1, 2, 3, 4}}, {&k, 1}, 4, true).norm(), 0);
 }
 
 }  // namespace

@@ -270,11 +270,12 @@ void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Key
   line_builder_.SetLines(left, features, keyframe);
 }
 
-// The pass over the left image that every frame gets has no lines: they would cost half as much
-// again, and most frames are no keyframes.
+// The pass over the left image that every frame gets leaves its maps: most frames are no keyframes
+// and need no lines.
 Detections Odometry::DetectLines(const PreparedFrame& frame) const {
   ScopedStage stage(times_, "detect lines");
-  return line_detector_.Detect(frame.left, rectifier_.left_mask(), {0, true, LineScore()});
+  return line_detector_.FindLines(frame.left, rectifier_.left_mask(), frame.features,
+                                  {0, true, LineScore()});
 }
 
 std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,

@@ -128,8 +128,10 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
     while (std::optional<PreparedFrame> frame = read_frames.Pop()) {
       if (!frame->left.empty()) {
         ScopedStage stage(times, "detect left");
-        frame->features = networks.left_detector.Detect(frame->left, rectifier.left_mask(),
-                                                        options.max_keypoints);
+        DetectionRequest request(options.max_keypoints);
+        request.keep_maps = options.lines.enabled && networks.line_detector.finds_lines();
+        frame->features =
+            networks.left_detector.Detect(frame->left, rectifier.left_mask(), request);
       }
       if (!prepared_frames.Push(std::move(*frame))) return;
     }

@@ -14,7 +14,7 @@ import torch
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[3] / "training"))
 from airslam_training.line_data import encode  # noqa: E402
-from airslam_training.lines import REACH, DecoderOptions, LineClassifier, LineConfig, propose  # noqa: E402
+from airslam_training.lines import REACH, DecoderOptions, propose, sample_along  # noqa: E402
 
 WIDTH, HEIGHT, CHANNELS, SAMPLES = 24, 18, 3, 5
 
@@ -39,8 +39,7 @@ def main():
     raw, heat = np.round(raw, 3).astype(np.float32), np.round(heat, 3).astype(np.float32)
     pooled = np.round(rng.normal(size=(CHANNELS, HEIGHT, WIDTH)), 2).astype(np.float32)
     lines, extras, pair, found = propose(torch.from_numpy(raw), torch.from_numpy(heat), DecoderOptions())
-    classifier = LineClassifier(LineConfig(pooled=CHANNELS, samples=SAMPLES))
-    along = classifier.pool(torch.from_numpy(pooled), lines)
+    along = sample_along(torch.from_numpy(pooled), lines, SAMPLES)
 
     def numbers(x, digits=5):
         return np.round(np.asarray(x, np.float64), digits).tolist()

@@ -5,6 +5,7 @@
     python make_test_models.py            (needs onnx and numpy; writes beside itself)
 
 pack/       a model pack: a blob detector that stands for PLNet, and a matcher of two stages
+planes.onnx    a feature network with dense descriptors
 integers.onnx  a network whose input is not float
 """
 import hashlib
@@ -39,77 +40,101 @@ def save(path, nodes, inputs, outputs, constants=()):
     path.write_bytes(model.SerializeToString())
 
 
-def plnet(path):
-    """Descriptors: mean of the 4x4 cell, 1, right half minus left half, bottom half minus top half.
-    Score: 10 * (pixel - mean of its 8 neighbours) - 6."""
+def cells_and_blobs():
+    """Weights that the networks below share.
+
+    Cells: mean of the 4x4 cell, 1, right half minus left half, bottom half minus top half.
+    Blobs, the scores: 10 * (pixel - mean of its 8 neighbours) - 6."""
     cells = np.zeros((D, 1, 4, 4), np.float32)
     cells[0] = 1 / 16
     cells[2, 0, :, :2], cells[2, 0, :, 2:] = -1 / 8, 1 / 8
     cells[3, 0, :2, :], cells[3, 0, 2:, :] = -1 / 8, 1 / 8
     blob = np.full((1, 1, 3, 3), -10 / 8, np.float32)
     blob[0, 0, 1, 1] = 10
+    return [constant("cells", cells), constant("cells_bias", [0, 1, 0, 0]), constant("blob", blob), constant("blob_bias", [-6])]
+
+
+def planes(path):
+    """A feature network as others make them: a dense map of descriptors, and a plane of scores."""
     save(path,
          [helper.make_node("Conv", ["image", "cells", "cells_bias"], ["descriptors"], strides=[4, 4]),
           helper.make_node("Conv", ["image", "blob", "blob_bias"], ["score_logits"], pads=[1, 1, 1, 1])],
          [tensor("image", [1, 1, "H", "W"])],
-         [tensor("descriptors", [1, D, "H4", "W4"]), tensor("score_logits", [1, 1, "H", "W"])],
-         [constant("cells", cells), constant("cells_bias", [0, 1, 0, 0]),
-          constant("blob", blob), constant("blob_bias", [-6])])
+         [tensor("descriptors", [1, D, "H4", "W4"]), tensor("score_logits", [1, 1, "H", "W"])], cells_and_blobs())
 
 
-LINE_CHANNELS, LINE_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 9, 16
+def as_cells(name, channels, target):
+    """Nodes that turn 1 x C x h x w `name` into rows of `channels` values; needs AS_CELLS."""
+    return [helper.make_node("Transpose", [name], [f"{name}_last"], perm=[0, 2, 3, 1]),
+            helper.make_node("Reshape", [f"{name}_last", f"rows_of_{channels}"], [target])]
 
 
-def plnet_lines(path):
-    """PLNet above, and maps of lines at 1/4 of the size for an image that draws its own maps: the value of a cell is the
-    mean of its 4x4 pixels. Junction heat: a cell of 1 has the logit 4, others below 0.9 at most -5.
-    Field: every cell under a mean of 0.25..0.75 has the confidence logit 4 and says "2 pixels up, 45 degrees to either end".
-    Line features: the mean, and 1."""
-    cells = np.zeros((D, 1, 4, 4), np.float32)
-    cells[0] = 1 / 16
-    cells[2, 0, :, :2], cells[2, 0, :, 2:] = -1 / 8, 1 / 8
-    cells[3, 0, :2, :], cells[3, 0, 2:, :] = -1 / 8, 1 / 8
-    blob = np.full((1, 1, 3, 3), -10 / 8, np.float32)
-    blob[0, 0, 1, 1] = 10
-    mean = np.full((1, 1, 4, 4), 1 / 16, np.float32)
+AS_CELLS = [integers(f"rows_of_{n}", [-1, n]) for n in (1, 2, D, 16)]
+
+
+def plnet(path):
+    """The same scores, 16 a cell, and two maps in cells: the same features at /4, and the mean of 8x8 pixels at /8."""
+    save(path,
+         [helper.make_node("Conv", ["image", "cells", "cells_bias"], ["planes4"], strides=[4, 4]),
+          helper.make_node("AveragePool", ["image"], ["planes8"], kernel_shape=[8, 8], strides=[8, 8]),
+          helper.make_node("Conv", ["image", "blob", "blob_bias"], ["plane"], pads=[1, 1, 1, 1]),
+          helper.make_node("SpaceToDepth", ["plane"], ["folded"], blocksize=4),
+          *as_cells("planes4", D, "features4"), *as_cells("planes8", 1, "features8"), *as_cells("folded", 16, "score_logits")],
+         [tensor("image", [1, 1, "H", "W"])],
+         [tensor("features4", ["N4", D]), tensor("features8", ["N8", 1]), tensor("score_logits", ["N4", 16])],
+         [*cells_and_blobs(), *AS_CELLS])
+
+
+def descriptor_head(path):
+    """What is sampled at /4, its first value plus what is sampled at /8."""
+    weights = np.concatenate([np.eye(D), np.eye(1, D)]).astype(np.float32)
+    save(path, [helper.make_node("MatMul", ["samples", "weights"], ["descriptors"])],
+         [tensor("samples", ["N", D + 1])], [tensor("descriptors", ["N", D])], [constant("weights", weights)])
+
+
+LINE_CHANNELS, LINE_SAMPLES, CONTEXT_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 2, 9, 16
+
+
+def line_neck(path):
+    """Maps of lines at 1/4 of the size for an image that draws its own maps: the value of a cell is the mean m of its 4x4
+    pixels. Junction heat: a cell of 1 has the logit 4, others below 0.9 at most -5. Field: every cell under a mean of
+    0.25..0.75 has the confidence logit 4 and says "2 pixels up, 45 degrees to either end". Pooled: m and 1 at /4, and the
+    feature at /8."""
     heat = np.zeros((3, 1, 1, 1), np.float32)
     heat[0] = 90
     # confidence = 4 - 40 * relu(m - 0.75) - 40 * relu(0.25 - m)
     edges = np.array([1, -1], np.float32).reshape(2, 1, 1, 1)
     field = np.zeros((6, 2, 1, 1), np.float32)
     field[0] = -40
-    features = np.array([1, 0], np.float32).reshape(2, 1, 1, 1)
+    pooled = np.array([1, 0], np.float32).reshape(2, 1, 1, 1)
     distance = -np.log(7)  # sigmoid: 1/8, of the reach of 16 pixels
     save(path,
-         [helper.make_node("Conv", ["image", "cells", "cells_bias"], ["descriptors"], strides=[4, 4]),
-          helper.make_node("Conv", ["image", "blob", "blob_bias"], ["score_logits"], pads=[1, 1, 1, 1]),
-          helper.make_node("Conv", ["image", "mean"], ["m"], strides=[4, 4]),
+         [helper.make_node("Transpose", ["features4"], ["planes4"], perm=[0, 3, 1, 2]),
+          helper.make_node("Gather", ["planes4", "mean"], ["m"], axis=1),
           helper.make_node("Conv", ["m", "heat", "heat_bias"], ["junction_maps"]),
           helper.make_node("Conv", ["m", "edges", "edges_bias"], ["outside"]),
           helper.make_node("Relu", ["outside"], ["outside_only"]),
           helper.make_node("Conv", ["outside_only", "field", "field_bias"], ["line_field"]),
-          helper.make_node("Conv", ["m", "features", "features_bias"], ["planes"]),
-          helper.make_node("Transpose", ["planes"], ["line_features"], perm=[0, 2, 3, 1])],
-         [tensor("image", [1, 1, "H", "W"])],
-         [tensor("descriptors", [1, D, "H4", "W4"]), tensor("score_logits", [1, 1, "H", "W"]),
-          tensor("line_field", [1, 6, "H4", "W4"]), tensor("junction_maps", [1, 3, "H4", "W4"]),
-          tensor("line_features", [1, "H4", "W4", LINE_CHANNELS])],
-         [constant("cells", cells), constant("cells_bias", [0, 1, 0, 0]), constant("blob", blob),
-          constant("blob_bias", [-6]), constant("mean", mean), constant("heat", heat), constant("heat_bias", [-86, 0, 0]),
-          constant("edges", edges), constant("edges_bias", [-0.75, 0.25]), constant("field", field),
-          constant("field_bias", [4, distance, 0, -1, 0, 0]), constant("features", features),
-          constant("features_bias", [0, 1])])
+          helper.make_node("Conv", ["m", "pooled", "pooled_bias"], ["planes"]), *as_cells("planes", 2, "line_features"),
+          helper.make_node("Reshape", ["features8", "rows_of_1"], ["line_context"])],
+         [tensor("features4", [1, "H4", "W4", D]), tensor("features8", [1, "H8", "W8", 1])],
+         [tensor("line_field", [1, 6, "H4", "W4"]), tensor("junction_maps", [1, 3, "H4", "W4"]),
+          tensor("line_features", ["N4", LINE_CHANNELS]), tensor("line_context", ["N8", 1])],
+         [integers("mean", [0]), constant("heat", heat), constant("heat_bias", [-86, 0, 0]), constant("edges", edges),
+          constant("edges_bias", [-0.75, 0.25]), constant("field", field), constant("field_bias", [4, distance, 0, -1, 0, 0]),
+          constant("pooled", pooled), constant("pooled_bias", [0, 1]), *AS_CELLS])
 
 
 def line_classifier(path):
-    """Logit: 4 * mean of the first pooled channel - 1."""
-    weights = np.zeros((LINE_SAMPLES * LINE_CHANNELS + LINE_EXTRAS, 1), np.float32)
-    weights[:LINE_SAMPLES * LINE_CHANNELS:LINE_CHANNELS] = 4 / LINE_SAMPLES
-    save(path, [helper.make_node("MatMul", ["features", "weights"], ["column"]),
-                helper.make_node("Squeeze", ["column", "last"], ["sum"]),
+    """Logit: 4 * mean of the first pooled channel + the last value pooled at /8 - 1."""
+    along = LINE_SAMPLES * LINE_CHANNELS
+    weights = np.zeros((along + CONTEXT_SAMPLES + LINE_EXTRAS, 1), np.float32)
+    weights[:along:LINE_CHANNELS] = 4 / LINE_SAMPLES
+    weights[along + CONTEXT_SAMPLES - 1] = 1
+    save(path, [helper.make_node("MatMul", ["features", "weights"], ["sum"]),
                 helper.make_node("Add", ["sum", "bias"], ["logits"])],
-         [tensor("features", ["N", LINE_SAMPLES * LINE_CHANNELS + LINE_EXTRAS])], [tensor("logits", ["N"])],
-         [constant("weights", weights), integers("last", [1]), constant("bias", [-1])])
+         [tensor("features", ["N", len(weights)])], [tensor("logits", ["N", 1])],
+         [constant("weights", weights), constant("bias", [-1])])
 
 
 def masked(scores):
@@ -167,16 +192,20 @@ def manifest(folder):
         return {"file": name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
     features = {**entry("plnet.onnx"), "input": "image", "normalization": "unit", "multiple": 16,
-                "descriptors": "descriptors", "scores": "score_logits", "descriptor_size": D, "descriptor_stride": 4,
-                "half_pixel": True, "score_threshold": -5.0, "nms_radius": 2,
-                "lines": {**entry("plnet_lines.onnx"), "field": "line_field", "junctions": "junction_maps",
-                          "pooled": "line_features", "channels": LINE_CHANNELS, "samples": LINE_SAMPLES, "stride": 4,
+                "scores": "score_logits", "score_stride": 4, "layout": "cells",
+                "maps": [{"output": "features4", "channels": D, "stride": 4}, {"output": "features8", "channels": 1, "stride": 8}],
+                "half_pixel": True, "descriptor_size": D,
+                "descriptor_head": {**entry("descriptor_head.onnx"), "input": "samples", "output": "descriptors"},
+                "score_threshold": -5.0, "nms_radius": 2,
+                "lines": {**entry("line_neck.onnx"), "field": "line_field", "junctions": "junction_maps", "stride": 4,
+                          "pooled": [{"output": "line_features", "channels": LINE_CHANNELS, "stride": 4, "samples": LINE_SAMPLES},
+                                     {"output": "line_context", "channels": 1, "stride": 8, "samples": CONTEXT_SAMPLES}],
                           "reach": 16.0, "min_confidence": 0.5, "min_junction": 0.5, "max_junctions": 8, "snap": 12.0,
                           "min_support": 1.0, "double_radius": 3.0, "max_proposals": PROPOSALS,
                           "classifier": {**entry("line_classifier.onnx"), "input": "features", "output": "logits"}}}
     matcher = {"keypoints": N, "threshold": 0.1, "exit_confidence": 0.9,
                "stages": [entry("matcher_stage0.onnx"), entry("matcher_stage1.onnx")]}
-    pack = {"format": 1, "name": "test", "license": "BSD-3-Clause", "features": features, "matcher": matcher,
+    pack = {"format": 2, "name": "test", "license": "BSD-3-Clause", "features": features, "matcher": matcher,
             "quality": {}, "training": {"note": "hand-made weights, see make_test_models.py"}}
     (folder / "manifest.json").write_text(json.dumps(pack, indent=1) + "\n")
 
@@ -185,11 +214,13 @@ def main():
     folder = HERE / "pack"
     folder.mkdir(exist_ok=True)
     plnet(folder / "plnet.onnx")
-    plnet_lines(folder / "plnet_lines.onnx")
+    descriptor_head(folder / "descriptor_head.onnx")
+    line_neck(folder / "line_neck.onnx")
     line_classifier(folder / "line_classifier.onnx")
     stage0(folder / "matcher_stage0.onnx")
     stage1(folder / "matcher_stage1.onnx")
     manifest(folder)
+    planes(HERE / "planes.onnx")
     save(HERE / "integers.onnx", [helper.make_node("Identity", ["x"], ["y"])],
          [tensor("x", [1, 2], TensorProto.INT64)], [tensor("y", [1, 2], TensorProto.INT64)])
 
