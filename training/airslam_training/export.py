@@ -54,15 +54,22 @@ def cells(maps: torch.Tensor) -> torch.Tensor:
 
 
 class Features(nn.Module):
-    """Image -> scores, 16 a cell at /4 (row by row of its 4 x 4 pixels), and the backbone's features at /4, /8, /16, as cells."""
+    """Image -> scores, 16 a cell at /4 (row by row of its 4 x 4 pixels), and the backbone's features at /4, /8, /16, as cells.
+
+    The features leave through 1 x 1 convolutions that change nothing: OpenVINO then writes them as cells at once, where it
+    would otherwise transpose their bytes one by one (15.7 -> 14.5 ms an image of 752 x 480)."""
 
     def __init__(self, net: PLNet):
         super().__init__()
         self.net = net
+        self.exits = nn.ModuleList(nn.Conv2d(w, w, 1, bias=False) for w in widths(net.config))
+        for leave in self.exits:
+            leave.weight.data = torch.eye(len(leave.weight))[..., None, None]
 
     def forward(self, image: torch.Tensor):
         features = self.net.backbone(image)
-        return cells(self.net.keypoints.score_cells(*features[:2])), *map(cells, features)
+        maps = [cells(leave(f)) for leave, f in zip(self.exits, features)]
+        return cells(self.net.keypoints.score_cells(*features[:2])), *maps
 
 
 class SplitNeck(nn.Module):
