@@ -24,7 +24,7 @@ endif()
 # Declares one layer: every .cc of the calling folder becomes the library airslam_<name>; every
 # *_test.cc becomes part of the program airslam_<name>_test, registered with CTest. DEPENDS may name
 # only layers above this one in the list of docs/architecture.md. ONE_TEST: CTest runs the whole test
-# program at once, because its tests share something that is dear to make.
+# program at once, because its tests share something that is dear to make; long, it starts early (COST).
 function(airslam_layer name)
   cmake_parse_arguments(LAYER "ONE_TEST" "" "DEPENDS;TEST_DEPENDS" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS *.cc)
@@ -47,7 +47,7 @@ function(airslam_layer name)
       AIRSLAM_SOURCE_DIR="${CMAKE_SOURCE_DIR}" AIRSLAM_BINARY_DIR="${CMAKE_BINARY_DIR}")
     if(LAYER_ONE_TEST)
       add_test(NAME ${name} COMMAND airslam_${name}_test)
-      set_tests_properties(${name} PROPERTIES TIMEOUT 600)
+      set_tests_properties(${name} PROPERTIES TIMEOUT 600 COST 90)
     else()
       gtest_discover_tests(airslam_${name}_test TEST_PREFIX ${name}. DISCOVERY_TIMEOUT 60
                            PROPERTIES TIMEOUT 600)
