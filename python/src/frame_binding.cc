@@ -115,7 +115,7 @@ Frame MakeFrame(const FrameObservation& seen, const Rigid3& body_from_cam) {
   frame.tracked_points = record.tracked_points;
   frame.milliseconds = record.milliseconds;
   frame.left = prepared.left;
-  frame.keypoints = prepared.features.keypoints;
+  if (seen.features != nullptr) frame.keypoints = seen.features->keypoints;
   frame.points.assign(seen.points.begin(), seen.points.end());
   if (seen.keyframe != nullptr) frame.keyframe = std::make_shared<Keyframe>(*seen.keyframe);
   frame.inertial = seen.inertial;
@@ -153,7 +153,11 @@ void BindFrame(nb::module_& module) {
           nb::rv_policy::automatic)
       .def_prop_ro(
           "keypoints", [](const Frame& f) { return Pixels(f.keypoints); },
-          "N x 2 pixels of the rectified left image, best first.", nb::rv_policy::automatic)
+          "N x 2 pixels of the rectified left image, best first: all that PLNet detected, where "
+          "the "
+          "frame needed it (each keyframe does). Most frames are tracked by the landmarks' patches "
+          "alone, and have none; 'points' has what was tracked.",
+          nb::rv_policy::automatic)
       .def_ro("stage_ms", &Frame::stage_ms,
               "Milliseconds that each stage of the pipeline has worked since the frame before was "
               "reported. "

@@ -70,7 +70,7 @@ std::string CheckCpu() {
                      int8   ? "int8 (VNNI)"
                      : avx2 ? "AVX2, int8 without VNNI: networks take six times as long"
                             : "no AVX2: slow",
-                     CpuHasBf16() ? ", bf16" : ", f32", avx2 ? ", AVX2" : "");
+                     IsFasterInBf16() ? ", bf16" : ", f32", avx2 ? ", AVX2" : "");
 }
 
 std::string CheckPack(const ModelPack& pack) {

@@ -151,9 +151,10 @@ std::string OpenVinoVersion() {
   return build.substr(0, build.find('-'));
 }
 
-bool CpuHasBf16() {
+bool IsFasterInBf16() {
 #if defined(__x86_64__)
-  return __builtin_cpu_supports("amx-bf16");
+  return __builtin_cpu_supports("amx-bf16") ||
+         (__builtin_cpu_supports("avx512bf16") && !__builtin_cpu_is("intel"));
 #else
   return false;
 #endif
@@ -180,7 +181,7 @@ std::unique_ptr<Network> LoadOpenVinoNetwork(const std::string& file,
   const std::shared_ptr<ov::Model> model = ReadModel(file);
   Reshape(*model, input_shapes, file);
   const bool bf16 = options.precision == Precision::kBf16 ||
-                    (options.precision == Precision::kAuto && CpuHasBf16());
+                    (options.precision == Precision::kAuto && IsFasterInBf16());
   ov::AnyMap config = {
       ov::hint::inference_precision(bf16 ? ov::element::bf16 : ov::element::f32),
       ov::hint::performance_mode(ov::hint::PerformanceMode::LATENCY),

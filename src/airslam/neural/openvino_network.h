@@ -11,9 +11,7 @@ namespace airslam {
 
 // In which arithmetic a network is computed. Tensors at its borders are float in any case.
 enum class Precision {
-  // bf16 where the CPU multiplies matrices of it (AMX), else f32: by AVX512-BF16 alone a pass of
-  // PLNet takes 1.2 times, one of the matcher 1.6 times what it takes in f32.
-  kAuto,
+  kAuto,  // bf16 where it is the faster (IsFasterInBf16), else f32
   kF32,
   kBf16,  // emulated, and slow, on a CPU without it
 };
@@ -35,8 +33,10 @@ struct OpenVinoOptions {
 // The runtime's version, e.g. "2026.4.1".
 std::string OpenVinoVersion();
 
-// Whether this CPU multiplies matrices of bf16 (AMX).
-bool CpuHasBf16();
+// Whether this CPU multiplies bf16 faster than f32: in matrices (AMX), or by AVX512-BF16 unless it
+// is Intel's, where that alone makes a pass of PLNet 1.2 times, one of the matcher 1.6 times as
+// long (Emerald Rapids, AMX hidden).
+bool IsFasterInBf16();
 
 // The folder that "auto" stands for, created if need be; empty when there is none to write to.
 std::string DefaultCacheFolder();

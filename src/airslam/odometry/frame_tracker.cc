@@ -53,17 +53,18 @@ std::vector<Match> FrameTracker::MatchNearPrediction(const FrameView& frame,
     const Eigen::Vector2d pixel = camera.Project(point);
     if (camera.Contains(pixel, -radius)) expectations.push_back({static_cast<int>(i), pixel});
   }
-  return MatchExpectations(expectations, keyframe.descriptors, frame.grid,
-                           frame.features.descriptors, {radius, options_.min_similarity});
+  return MatchExpectations(expectations, keyframe.descriptors, frame.features.grid(),
+                           frame.features.detections().descriptors,
+                           {radius, options_.min_similarity});
 }
 
 std::vector<Match> FrameTracker::MatchLearned(const FrameView& frame,
                                               const Keyframe& keyframe) const {
   const Pinhole& camera = map_.stereo().camera;
   const cv::Size size(camera.width, camera.height);
-  std::vector<Match> matches =
-      matcher_.Match({keyframe.keypoints, keyframe.descriptors, size},
-                     {frame.features.keypoints, frame.features.descriptors, size});
+  const Detections& seen = frame.features.detections();
+  std::vector<Match> matches = matcher_.Match({keyframe.keypoints, keyframe.descriptors, size},
+                                              {seen.keypoints, seen.descriptors, size});
   std::erase_if(matches,
                 [&](const Match& m) { return keyframe.landmarks[m.index0] == kNoLandmark; });
   return matches;
@@ -74,7 +75,7 @@ PoseOptimizationResult FrameTracker::PoseFromMatches(const FrameView& frame,
                                                      const std::vector<Match>& matches) const {
   std::vector<PointSighting> sightings;
   for (const Match& match : matches) {
-    const Keypoint& k = frame.features.keypoints[match.index1];
+    const Keypoint& k = frame.features.detections().keypoints[match.index1];
     sightings.push_back(
         {map_.map().landmarks.at(keyframe.landmarks[match.index0]).point_in_world, {k.x, k.y}});
   }
@@ -206,6 +207,8 @@ std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Ke
     auto tracked = AlignAndOptimize(frame, keyframe, start.world_from_cam, prediction);
     if (tracked && (!best || tracked->points.size() > best->points.size())) best = tracked;
   };
+  consider(PoseFromCoarsePatches(frame, keyframe, prediction));
+  if (best && IsConvincing(*best)) return best;
   const PoseOptimizationResult guided = PoseFromMatches(
       frame, keyframe, MatchNearPrediction(frame, keyframe, prediction.world_from_cam));
   consider(guided);
@@ -213,7 +216,6 @@ std::optional<TrackedFrame> FrameTracker::Track(const FrameView& frame, const Ke
   // A few features may agree on a wrong pose, shelves that repeat for one: of several poses the one
   // around which more of the image fits is kept.
   consider(PoseFromMatches(frame, keyframe, MatchLearned(frame, keyframe)));
-  if (!best || !IsConvincing(*best)) consider(PoseFromCoarsePatches(frame, keyframe, prediction));
   if (best) best->used_matcher = true;
   return best;
 }

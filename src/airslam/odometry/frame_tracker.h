@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "airslam/feature/image_pyramid.h"
-#include "airslam/feature/keypoint_grid.h"
 #include "airslam/map/keyframe.h"
 #include "airslam/neural/feature_matcher.h"
+#include "airslam/odometry/frame_features.h"
 #include "airslam/odometry/local_map.h"
 #include "airslam/odometry/options.h"
 #include "airslam/optimize/pose_optimization.h"
@@ -37,15 +37,15 @@ struct TrackedFrame {
 // The current frame as the tracker sees it.
 struct FrameView {
   const ImagePyramid& image;  // rectified left
-  const Detections& features;
-  const KeypointGrid& grid;
+  const FrameFeatures& features;
 };
 
-// Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D): features
-// near their predicted place by descriptor, PnP-RANSAC, motion-only optimization; then every
-// landmark of the keyframe is sought at its place under that pose and aligned to sub-pixel
-// accuracy, and the pose optimized once more. Where too little of the keyframe is found so, poses
-// from the learned matcher and from coarse patches compete with it. Holds no state.
+// Matches frames with keyframes and estimates their poses (paper, sections V-B and V-D). A first
+// pose comes from the landmarks' coarse patches around their predicted places; then every landmark
+// of the keyframe is sought at its place under that pose and aligned to sub-pixel accuracy, and the
+// pose optimized once more. Only where too little of the keyframe is found so, features are looked
+// for in the image: poses from those near their predicted places, by descriptor and PnP-RANSAC, and
+// from the learned matcher compete with the first. Holds no state.
 class FrameTracker {
  public:
   FrameTracker(const TrackingOptions& options, const LocalMap& map, FeatureMatcher& matcher)

@@ -86,11 +86,10 @@ PipelineResult RunOn(const Sequence& sequence, const OdometryOptions& options = 
                      MapRecorder* recorder = nullptr) {
   cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right, lines;
+  SyntheticDetector left, right;
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, lines, matcher}, recorder, {},
-                     times);
+  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
 }
 
 int Count(const PipelineResult& result, FrameState state) {

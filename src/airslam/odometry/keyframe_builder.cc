@@ -47,8 +47,8 @@ KeyframeDraft KeyframeBuilder::FromDetections(const FrameView& frame, std::int64
   keyframe.timestamp_ns = timestamp_ns;
   keyframe.component = component;
   keyframe.world_from_cam = world_from_cam;
-  keyframe.keypoints = frame.features.keypoints;
-  keyframe.descriptors = frame.features.descriptors;
+  keyframe.keypoints = frame.features.detections().keypoints;
+  keyframe.descriptors = frame.features.detections().descriptors;
   keyframe.landmarks.assign(keyframe.keypoints.size(), kNoLandmark);
   keyframe.right_x.assign(keyframe.keypoints.size(), -1.0f);
   return draft;
@@ -60,8 +60,8 @@ int KeyframeBuilder::FreeKeypointAt(const FrameView& frame, const Keyframe& keyf
   constexpr double kSamePlace = 2.5;  // pixels
   int nearest = -1;
   double nearest_distance = kSamePlace;
-  frame.grid.VisitNear(pixel, kSamePlace, [&](int index) {
-    const Keypoint& k = frame.features.keypoints[index];
+  frame.features.grid().VisitNear(pixel, kSamePlace, [&](int index) {
+    const Keypoint& k = frame.features.detections().keypoints[index];
     const double distance = (Eigen::Vector2d(k.x, k.y) - pixel).norm();
     if (keyframe.landmarks[index] == kNoLandmark && distance < nearest_distance) {
       nearest = index;

@@ -16,11 +16,10 @@ namespace {
 // A frame of the synthetic world with its exact pose.
 struct Sight {
   ImagePyramid image;
-  Detections features;
-  KeypointGrid grid;
+  FrameFeatures features;
   Rigid3 world_from_cam;
 
-  FrameView view() const { return {image, features, grid}; }
+  FrameView view() const { return {image, features}; }
 };
 
 class KeyframeBuilderTest : public ::testing::Test {
@@ -34,9 +33,9 @@ class KeyframeBuilderTest : public ::testing::Test {
 
   Sight See(int index) {
     const cv::Mat left = sequence_.Read(index).left;
-    Detections features = detector_.Detect(left, {}, options_.max_keypoints);
-    KeypointGrid grid(features.keypoints, left.cols, left.rows);
-    return {MakePyramid(left), std::move(features), std::move(grid),
+    FrameFeatures features(
+        left.size(), [this, left] { return detector_.Detect(left, {}, options_.max_keypoints); });
+    return {MakePyramid(left), std::move(features),
             sequence_.states()[index].world_from_body * rectifier_.body_from_left()};
   }
 

@@ -56,11 +56,10 @@ class Recorded : public Sequence {
 PipelineResult RunOn(const Sequence& sequence, const FrameObserver& observer = {}) {
   cv::setNumThreads(1);
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right({.lines = true}), lines({.lines = true});
+  SyntheticDetector left({.lines = true}), right({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, {}, {left, right, lines, matcher}, nullptr, observer,
-                     times);
+  return RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, observer, times);
 }
 
 // Adds everything; `lead`: how many seconds the readings come before the frames.

@@ -52,8 +52,8 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
                    const Parts& parts)
     : options_(options),
       rectifier_(parts.rectifier),
+      left_detector_(parts.left_detector),
       right_detector_(parts.right_detector),
-      line_detector_(parts.line_detector),
       matcher_(parts.matcher),
       recorder_(parts.recorder),
       inertial_(parts.inertial),
@@ -67,6 +67,7 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
 FrameObservation Odometry::Process(const PreparedFrame& frame) {
   const auto start = std::chrono::steady_clock::now();
   points_.clear();
+  features_.reset();
   if (bundle_due_ && frame.index >= *bundle_due_) TakeBundle();
   FrameRecord record;
   record.timestamp_ns = frame.timestamp_ns;
@@ -88,6 +89,7 @@ FrameObservation Odometry::Process(const PreparedFrame& frame) {
 FrameObservation Odometry::Observe(const PreparedFrame& frame) const {
   const FrameRecord& record = records_.back();
   FrameObservation seen{frame, record, points_};
+  if (features_) seen.features = features_->known();
   if (record.is_keyframe) seen.keyframe = &map_.last();
   if (inertial_ != nullptr && record.has_pose()) {
     seen.inertial = inertial_->EstimateAt(record.timestamp_ns);
@@ -97,9 +99,9 @@ FrameObservation Odometry::Observe(const PreparedFrame& frame) const {
 
 void Odometry::Estimate(const PreparedFrame& frame, FrameRecord& record) {
   const Pinhole& camera = map_.stereo().camera;
-  const KeypointGrid grid(frame.features.keypoints, camera.width, camera.height);
+  features_.emplace(cv::Size(camera.width, camera.height), [&] { return DetectLeft(frame); });
   const ImagePyramid pyramid = MakePyramid(frame.left);
-  const FrameView view{pyramid, frame.features, grid};
+  const FrameView view{pyramid, *features_};
   if (map_.empty()) return Start(frame, view, record);
 
   std::optional<PosePrior> inertial;
@@ -142,7 +144,9 @@ std::optional<TrackedFrame> Odometry::Find(const PreparedFrame& frame, const Fra
 std::optional<TrackedFrame> Odometry::TrackNear(const FrameView& view,
                                                 const PosePrior& inertial) const {
   const RecoveryOptions& recovery = options_.recovery;
-  if (static_cast<int>(view.features.keypoints.size()) < recovery.min_inliers) return std::nullopt;
+  if (static_cast<int>(view.features.detections().keypoints.size()) < recovery.min_inliers) {
+    return std::nullopt;
+  }
   const std::span<const KeyframeId> window = map_.window();
   int tries = recovery.keyframes;
   for (auto id = window.rbegin(); id != window.rend() && tries > 0; ++id, --tries) {
@@ -177,7 +181,7 @@ void Odometry::Miss(const PreparedFrame& frame, const FrameView& view, FrameReco
     record.reference = map_.last().id;
     record.reference_from_cam = map_.last().world_from_cam.Inverse() * *world_from_cam;
     record.online_world_from_cam = *world_from_cam;
-    const int features = static_cast<int>(view.features.keypoints.size());
+    const int features = static_cast<int>(view.features.detections().keypoints.size());
     strange_frames_ = features >= options_.recovery.min_stereo_points ? strange_frames_ + 1 : 0;
     if (strange_frames_ > options_.recovery.lost_frames) Continue(frame, view, record);
   } else if (lost_frames_ > options_.recovery.lost_frames) {
@@ -203,6 +207,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
   if (inertial_ != nullptr) inertial_->Observe(frame.timestamp_ns, ToVisualPose(tracked));
   if (!was_lost && !NeedsKeyframe(tracked)) return;
   ScopedStage stage(times_, "keyframe");
+  std::future<RightSight> right = SearchRight(frame);
   // The keyframe must start from the latest map; its own pose moves with its reference.
   if (bundle_due_) TakeBundle();
   tracked.world_from_cam =
@@ -211,7 +216,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
     return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
   });
   KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, tracked);
-  MatchRight(frame, view, draft.keyframe);
+  MatchRight(frame, view, std::move(right), draft.keyframe);
   if (was_lost || IsWorthwhile(draft.keyframe, tracked)) {
     InsertKeyframe(frame, view, std::move(draft), record);
   }
@@ -248,42 +253,50 @@ bool Odometry::IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracke
   return 2 * offered >= CountLandmarks(map_.last());
 }
 
-void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe) {
-  std::future<Detections> left_lines;
-  if (UsesLines()) {
-    left_lines = std::async(std::launch::async, [&] { return DetectLines(frame); });
-  }
-  const cv::Mat right = rectifier_.RectifyRight(frame.right_raw);
-  Detections features;
-  {
-    ScopedStage stage(times_, "detect right");
-    features = right_detector_.Detect(right, rectifier_.right_mask(),
-                                      {options_.max_keypoints, UsesLines(), LineScore()});
-  }
-  {
-    ScopedStage stage(times_, "match stereo");
-    builder_.MatchRight(view, MakePyramid(right), features, keyframe);
-  }
-  if (!UsesLines()) return;
-  const Detections left = left_lines.get();
-  ScopedStage stage(times_, "match lines");
-  line_builder_.SetLines(left, features, keyframe);
+// Most frames are no keyframes and need no lines; the maps that this pass leaves give them later.
+Detections Odometry::DetectLeft(const PreparedFrame& frame) const {
+  ScopedStage stage(times_, "detect left");
+  DetectionRequest request(options_.max_keypoints);
+  request.keep_maps = UsesLines();
+  return left_detector_.Detect(frame.left, rectifier_.left_mask(), request);
 }
 
-// The pass over the left image that every frame gets leaves its maps: most frames are no keyframes
-// and need no lines.
-Detections Odometry::DetectLines(const PreparedFrame& frame) const {
+Detections Odometry::DetectLines(const PreparedFrame& frame, const Detections& seen) const {
   ScopedStage stage(times_, "detect lines");
-  return line_detector_.FindLines(frame.left, rectifier_.left_mask(), frame.features,
-                                  {0, true, LineScore()});
+  return left_detector_.FindLines(frame.left, rectifier_.left_mask(), seen, {0, true, LineScore()});
+}
+
+std::future<Odometry::RightSight> Odometry::SearchRight(const PreparedFrame& frame) const {
+  return std::async(std::launch::async, [this, &frame] {
+    ScopedStage stage(times_, "detect right");
+    const cv::Mat right = rectifier_.RectifyRight(frame.right_raw);
+    return RightSight{MakePyramid(right),
+                      right_detector_.Detect(right, rectifier_.right_mask(),
+                                             {options_.max_keypoints, UsesLines(), LineScore()})};
+  });
+}
+
+void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view,
+                          std::future<RightSight> right, Keyframe& keyframe) {
+  Detections left_lines;
+  if (UsesLines()) left_lines = DetectLines(frame, view.features.detections());
+  const RightSight seen = right.get();
+  {
+    ScopedStage stage(times_, "match stereo");
+    builder_.MatchRight(view, seen.image, seen.features, keyframe);
+  }
+  if (!UsesLines()) return;
+  ScopedStage stage(times_, "match lines");
+  line_builder_.SetLines(left_lines, seen.features, keyframe);
 }
 
 std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
                                                  int component, const Rigid3& world_from_cam) {
+  std::future<RightSight> right = SearchRight(frame);
   KeyframeDraft draft =
       builder_.FromDetections(view, frame.timestamp_ns, component, world_from_cam);
   const Keyframe& keyframe = draft.keyframe;
-  MatchRight(frame, view, draft.keyframe);
+  MatchRight(frame, view, std::move(right), draft.keyframe);
   const auto matched = std::count_if(keyframe.right_x.begin(), keyframe.right_x.end(),
                                      [](float x) { return x >= 0; });
   // Where there is too little depth, the next frame may have more.

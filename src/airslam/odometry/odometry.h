@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <span>
@@ -25,14 +26,13 @@
 
 namespace airslam {
 
-// A frame that is ready for tracking: the left image rectified and searched for features. The right
-// image stays raw until the frame becomes a keyframe.
+// A frame that is ready for tracking: the left image rectified. The right image stays raw until the
+// frame becomes a keyframe.
 struct PreparedFrame {
   int index = 0;
   std::int64_t timestamp_ns = 0;
   cv::Mat left;  // rectified; empty when the frame was skipped
   cv::Mat right_raw;
-  Detections features;
   std::string problem;  // why it was skipped
 };
 
@@ -43,6 +43,8 @@ struct FrameObservation {
   // The landmarks that hold its pose, record.tracked_points of them, and where the left image shows
   // them.
   std::span<const TrackedPoint> points;
+  // What was detected in the left image; null where it was tracked without.
+  const Detections* features = nullptr;
   // What it became, if it became one: as it was made, before any bundle adjustment with it.
   const Keyframe* keyframe = nullptr;
   // The IMU's part, once it is initialised and the frame has a pose, in the world of its component.
@@ -59,8 +61,8 @@ class Odometry {
   // What it works with. `recorder` and `inertial` may be null. The references must outlive it.
   struct Parts {
     const StereoRectifier& rectifier;
-    FeatureDetector& right_detector;
-    FeatureDetector& line_detector;  // works beside right_detector, in a thread of its own
+    FeatureDetector& left_detector;
+    FeatureDetector& right_detector;  // works beside left_detector, in a thread of its own
     FeatureMatcher& matcher;
     MapRecorder* recorder;
     InertialOdometry* inertial;
@@ -102,10 +104,18 @@ class Odometry {
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
   bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
   // Whether keyframes get lines.
-  bool UsesLines() const { return options_.lines.enabled && line_detector_.finds_lines(); }
+  bool UsesLines() const { return options_.lines.enabled && left_detector_.finds_lines(); }
   float LineScore() const { return static_cast<float>(options_.lines.min_score); }
-  void MatchRight(const PreparedFrame& frame, const FrameView& view, Keyframe& keyframe);
-  Detections DetectLines(const PreparedFrame& frame) const;
+  Detections DetectLeft(const PreparedFrame& frame) const;
+  Detections DetectLines(const PreparedFrame& frame, const Detections& seen) const;
+  // The right image of a keyframe, searched on another thread.
+  struct RightSight {
+    ImagePyramid image;
+    Detections features;
+  };
+  std::future<RightSight> SearchRight(const PreparedFrame& frame) const;
+  void MatchRight(const PreparedFrame& frame, const FrameView& view, std::future<RightSight> right,
+                  Keyframe& keyframe);
   // Commits a keyframe that is not in the map yet, and what it changed there.
   void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more,
               const LineChanges& lines);
@@ -115,8 +125,8 @@ class Odometry {
 
   const OdometryOptions options_;
   const StereoRectifier& rectifier_;
+  FeatureDetector& left_detector_;
   FeatureDetector& right_detector_;
-  FeatureDetector& line_detector_;
   FeatureMatcher& matcher_;
   MapRecorder* recorder_;
   InertialOdometry* inertial_;
@@ -128,7 +138,8 @@ class Odometry {
   LineBuilder line_builder_;
   MotionModel motion_;
   std::vector<FrameRecord> records_;
-  std::vector<TrackedPoint> points_;  // of the latest frame, those that hold its pose
+  std::optional<FrameFeatures> features_;  // of the latest frame
+  std::vector<TrackedPoint> points_;       // of the latest frame, those that hold its pose
   int component_ = -1;
   int lost_frames_ = 0;     // since vision last found one
   int strange_frames_ = 0;  // of these, the latest that show enough but nothing that is known

@@ -32,11 +32,11 @@ struct TrackingOptions {
     v.Field("ransac_error", ransac_error, {0.1, 100, "px"},
             "PnP-RANSAC's bound on the re-projection error.");
     v.Field("min_convincing", min_convincing, {1, 2000},
-            "Where the pose from features near their predicted place rests on fewer of them, or "
-            "finds fewer points, the learned matcher (and in the dark, coarse patches) may know a "
-            "better one.");
+            "Where the pose from the landmarks' coarse patches finds fewer points, features are "
+            "detected and matched near their predicted places; where that pose rests on fewer "
+            "of them, or finds fewer points, the learned matcher may know a better one.");
     v.Field("min_found_share", min_found_share, {0, 1},
-            "They are asked as well where it finds a smaller share of the landmarks in sight.");
+            "Likewise where a pose finds a smaller share of the landmarks in sight.");
     v.Field("min_tracked", min_tracked, {6, 2000}, "With fewer points the frame is lost.");
     v.Field("coarse_below", coarse_below, {0, 2000},
             "With fewer points aligned at full resolution than this, patches at half resolution, "

@@ -16,23 +16,23 @@ namespace {
 
 using FrameQueue = BoundedQueue<PreparedFrame>;
 
-// Runs a stage on a thread of its own. When it ends, by return or by throwing, the queues it stands
-// between are closed, so that its neighbours end too.
+// Runs a stage on a thread of its own. When it ends, by return or by throwing, the queue that it
+// fills is closed, so that the stage behind it ends too.
 class StageThread {
  public:
   template <typename Body>
-  StageThread(FrameQueue* input, FrameQueue* output, Body body)
-      : input_(input), output_(output), thread_([this, body = std::move(body)] {
+  StageThread(FrameQueue& output, Body body)
+      : output_(output), thread_([this, body = std::move(body)] {
           try {
             body();
           } catch (...) {
             error_ = std::current_exception();
           }
-          CloseQueues();
+          output_.Close();
         }) {}
 
   ~StageThread() {
-    CloseQueues();
+    output_.Close();
     if (thread_.joinable()) thread_.join();
   }
   StageThread(const StageThread&) = delete;
@@ -45,13 +45,7 @@ class StageThread {
   }
 
  private:
-  void CloseQueues() {
-    if (input_ != nullptr) input_->Close();
-    output_->Close();
-  }
-
-  FrameQueue* input_;
-  FrameQueue* output_;
+  FrameQueue& output_;
   std::exception_ptr error_;
   std::thread thread_;
 };
@@ -117,23 +111,10 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
                            const OdometryOptions& options, const PipelineNetworks& networks,
                            MapRecorder* recorder, const FrameObserver& observer, StageTimes& times,
                            const std::atomic<bool>* stop) {
-  FrameQueue read_frames(2);
   FrameQueue prepared_frames(2);
-  StageThread reader(nullptr, &read_frames, [&] {
+  StageThread reader(prepared_frames, [&] {
     for (int i = 0; !(stop != nullptr && *stop) && sequence.Has(i); ++i) {
-      if (!read_frames.Push(ReadFrame(sequence, i, rectifier, times))) return;
-    }
-  });
-  StageThread detector(&read_frames, &prepared_frames, [&] {
-    while (std::optional<PreparedFrame> frame = read_frames.Pop()) {
-      if (!frame->left.empty()) {
-        ScopedStage stage(times, "detect left");
-        DetectionRequest request(options.max_keypoints);
-        request.keep_maps = options.lines.enabled && networks.line_detector.finds_lines();
-        frame->features =
-            networks.left_detector.Detect(frame->left, rectifier.left_mask(), request);
-      }
-      if (!prepared_frames.Push(std::move(*frame))) return;
+      if (!prepared_frames.Push(ReadFrame(sequence, i, rectifier, times))) return;
     }
   });
 
@@ -141,7 +122,7 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   InertialSummary without_imu;
   const auto inertial = MakeInertial(sequence, rectifier, options.inertial, without_imu);
   Odometry odometry(options, MakeMapCalibration(sequence.rig(), rectifier),
-                    {rectifier, networks.right_detector, networks.line_detector, networks.matcher,
+                    {rectifier, networks.left_detector, networks.right_detector, networks.matcher,
                      recorder, inertial.get(), times});
   while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
     if (!frame->problem.empty()) LogWarn("frame {} skipped: {}", frame->index, frame->problem);
@@ -150,7 +131,6 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   }
   sequence.Abandon();  // where a stage has failed the reader may still wait for a frame
   reader.Join();
-  detector.Join();
   odometry.Finish();
   if (recorder != nullptr) recorder->Finish();
   return {odometry.records(), odometry.map(), inertial ? inertial->summary() : without_imu};

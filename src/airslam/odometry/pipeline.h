@@ -19,7 +19,6 @@ namespace airslam {
 struct PipelineNetworks {
   FeatureDetector& left_detector;
   FeatureDetector& right_detector;
-  FeatureDetector& line_detector;
   FeatureMatcher& matcher;
 };
 
@@ -35,13 +34,13 @@ using FrameObserver = std::function<void(const FrameObservation&)>;
 // The calibration that maps of this rig carry.
 MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier);
 
-// Runs stereo odometry over a sequence, with its IMU if it has one and the options allow it. Three
-// stages on three threads, joined by bounded queues: read and rectify | detect | track, with local
-// bundle adjustment and map writing beside them. A frame that cannot be read is skipped with a
-// warning. A sequence may still be recorded (LiveSequence). What a stage throws ends the run and is
-// rethrown here. `recorder` and `observer` may be empty. Once `stop` (if given) is true, no further
-// frame is read: those under way are finished, and the result is that of a sequence that ends
-// there.
+// Runs stereo odometry over a sequence, with its IMU if it has one and the options allow it. Two
+// stages on two threads, joined by a bounded queue: read and rectify | track; a keyframe's right
+// image, local bundle adjustment and map writing have threads of their own. A frame that cannot be
+// read is skipped with a warning. A sequence may still be recorded (LiveSequence). What a stage
+// throws ends the run and is rethrown here. `recorder` and `observer` may be empty. Once `stop` (if
+// given) is true, no further frame is read: those under way are finished, and the result is that of
+// a sequence that ends there.
 PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rectifier,
                            const OdometryOptions& options, const PipelineNetworks& networks,
                            MapRecorder* recorder, const FrameObserver& observer, StageTimes& times,

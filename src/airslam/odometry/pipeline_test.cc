@@ -56,12 +56,10 @@ PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
                      bool detector_finds_lines = false, const OdometryOptions& options = {}) {
   cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right({.lines = detector_finds_lines});
-  SyntheticDetector lines({.lines = detector_finds_lines});
+  SyntheticDetector left({.lines = detector_finds_lines}), right({.lines = detector_finds_lines});
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, lines, matcher}, recorder, {},
-                     times);
+  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
 }
 
 SyntheticSequenceOptions Options(int frames) {
@@ -265,20 +263,52 @@ TEST(Pipeline, StartsANewComponentAndSavesTheLargest) {
   EXPECT_GT(trajectory.front().timestamp_ns, source.timestamp_ns(5));
 }
 
+class CountingDetector : public SyntheticDetector {
+ public:
+  Detections Detect(const cv::Mat& image, const cv::Mat& mask,
+                    const DetectionRequest& request) override {
+    ++calls;
+    return SyntheticDetector::Detect(image, mask, request);
+  }
+  int calls = 0;
+};
+
+TEST(Pipeline, FeaturesAreDetectedWhereTheyAreNeeded) {
+  const SyntheticSequence source(Options(24));
+  // The camera stands still for a time, and then is where nothing expects it.
+  const SpoiltSequence sequence(source, [&](int index, StereoPair& pair) {
+    if (index >= 8 && index < 14) pair = source.Read(8);
+  });
+  const StereoRectifier rectifier(sequence.rig());
+  CountingDetector left;
+  SyntheticDetector right;
+  SyntheticMatcher matcher;
+  StageTimes times;
+  std::vector<bool> detected;
+  const auto observe = [&](const FrameObservation& seen) {
+    detected.push_back(seen.features != nullptr);
+    if (seen.keyframe != nullptr) {
+      EXPECT_NE(seen.features, nullptr);
+    }
+  };
+  const PipelineResult result =
+      RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, observe, times);
+  EXPECT_EQ(std::count(detected.begin(), detected.end(), true), left.calls);
+  for (int i = 9; i < 14; ++i) EXPECT_FALSE(detected[i]) << i;  // patches alone
+  for (const FrameRecord& record : result.records) EXPECT_TRUE(record.has_pose());
+}
+
 TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   const SyntheticSequence sequence(Options(8));
   const StereoRectifier rectifier(sequence.rig());
   BrokenDetector broken;
-  SyntheticDetector works;
-  SyntheticDetector lines({.lines = true});
+  SyntheticDetector works({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {broken, works, works, matcher}, nullptr, {}, times),
-      std::runtime_error);
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {works, broken, lines, matcher}, nullptr, {}, times),
-      std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
+               std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
+               std::runtime_error);
 }
 
 TEST(Pipeline, StopsInOrderWhenAsked) {
@@ -287,11 +317,11 @@ TEST(Pipeline, StopsInOrderWhenAsked) {
   std::atomic<bool> stop = false;
   const SpoiltSequence sequence(source, [&](int index, StereoPair&) { stop = index >= 9; });
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right, lines;
+  SyntheticDetector left, right;
   SyntheticMatcher matcher;
   StageTimes times;
-  const PipelineResult result = RunPipeline(sequence, rectifier, {}, {left, right, lines, matcher},
-                                            nullptr, {}, times, &stop);
+  const PipelineResult result =
+      RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, {}, times, &stop);
   ASSERT_EQ(result.records.size(), 10u);  // frame 9 was under way
   const Trajectory online = OnlineTrajectory(result, 0), expected = OnlineTrajectory(whole, 0);
   ASSERT_EQ(online.size(), 10u);
