@@ -11,8 +11,8 @@ import torch
 
 from airslam_training.export import MAPS, PACK, export_lines
 from airslam_training.line_data import Wireframe, clip_segments, encode, warp_segments
-from airslam_training.line_labels import (end_distance, join_ends, merge_views, read_wireframe, refine, visibility,
-                                          without_doubles)
+from airslam_training.line_labels import (PHOTOS, end_distance, join_ends, merge_views, read_packed, read_wireframe, refine,
+                                          visibility, without_doubles, write_packed)
 from airslam_training.lines import EXTRA, REACH, DecoderOptions, LineModule, decode_field, find_junctions, propose
 from airslam_training.lines import without_doubles as without_double_lines
 from airslam_training.loop import ROOT
@@ -70,6 +70,23 @@ def test_perfect_maps_cost_little_and_proposals_take_their_labels():
     scores = label_proposals(torch.tensor([[201.0, 91, 20, 30], [20, 30, 200, 60]]), SEGMENTS, 60.0, 1.0)
     assert scores.tolist() == [1.0, 0.0]
     assert label_proposals(torch.zeros(2, 4), np.zeros((0, 5)), 60.0, 1.0).tolist() == [0, 0]
+
+
+def test_labels_are_packed_within_half_a_step(tmp_path):
+    labels = {"a": np.array([[1.3, 2, 30, 40.06, 0.5], [0, 0, 319, 12, 1]], np.float32), "b": np.zeros((0, 5), np.float32),
+              "c": np.array([[5, 6, 7, 8, 0.25]], np.float32)}
+    write_packed(tmp_path / "labels.npz", labels)
+    known = read_packed(tmp_path / "labels.npz")
+    assert list(known) == ["a", "b", "c"] and read_packed(tmp_path / "none.npz") == {}
+    for name, rows in labels.items():
+        assert known[name].shape == rows.shape and (np.abs(known[name] - rows) <= [0.0626] * 4 + [0.002]).all()
+
+
+def test_the_shipped_labels_are_segments_of_photos():
+    labels = read_packed(PHOTOS)
+    assert len(labels) > 1500
+    rows = np.concatenate(list(labels.values()))
+    assert (rows[:, :4] > -3).all() and (rows[:, 4] > 0).all() and (rows[:, 4] <= 1).all()
 
 
 def test_clipping_and_warping():
