@@ -154,9 +154,8 @@ void BindFrame(nb::module_& module) {
       .def_prop_ro(
           "keypoints", [](const Frame& f) { return Pixels(f.keypoints); },
           "N x 2 pixels of the rectified left image, best first: all that PLNet detected, where "
-          "the "
-          "frame needed it (each keyframe does). Most frames are tracked by the landmarks' patches "
-          "alone, and have none; 'points' has what was tracked.",
+          "the frame needed it (each keyframe does). Most frames are tracked by the landmarks' "
+          "patches alone, and have none; 'points' has what was tracked.",
           nb::rv_policy::automatic)
       .def_ro("stage_ms", &Frame::stage_ms,
               "Milliseconds that each stage of the pipeline has worked since the frame before was "

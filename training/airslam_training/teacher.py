@@ -10,8 +10,6 @@ import openvino as ov
 
 SHARED = Path("/work/shared")
 TEACHERS = SHARED / "teachers"
-
-
 MULTIPLE = 32  # of which an image's height and width must be multiples
 
 

@@ -14,7 +14,6 @@ from airslam_training.line_data import Wireframe, clip_segments, encode, warp_se
 from airslam_training.line_labels import (PHOTOS, end_distance, join_ends, merge_views, read_packed, read_wireframe, refine,
                                           visibility, without_doubles, write_packed)
 from airslam_training.lines import EXTRA, REACH, DecoderOptions, LineModule, decode_field, find_junctions, propose
-from airslam_training.lines import without_doubles as without_double_lines
 from airslam_training.loop import ROOT
 from airslam_training.networks import PLNet
 from airslam_training.pack import PackNetworks
