@@ -93,6 +93,8 @@ class LiveView:
         self._at(frame.timestamp_ns)
         self._image(frame)
         self._pose(frame)
+        if frame.lined is not None:
+            self._lines(frame.lined, frame.timestamp_ns)
         self._scene.scalar("tracked", frame.tracked_points)
         for stage, milliseconds in frame.stage_ms.items():
             self._scene.scalar(f"stages/{stage.replace(' ', '_')}", milliseconds)
@@ -114,13 +116,20 @@ class LiveView:
         self._scene.pixels("map", frame.tracked_pixels, TRACKED)
         self._scene.strips("motion", [np.array([before[key], pixel]) for key, pixel in self._tracked.items()
                                       if key in before], TRACK)
-        lines, matched, keyframe = [], [], frame.keyframe
+        matched, keyframe = [], frame.keyframe
         if keyframe is not None:
-            lines = np.asarray(keyframe.lines)[used_lines(keyframe)].reshape(-1, 2, 2)
             matched = matches(self._keyframe, keyframe) if self._keyframe is not None else []
             self._keyframe = keyframe
-        self._scene.strips("lines", lines, LINE)  # of a keyframe: not of the frames after it
+        else:
+            self._scene.strips("lines", [], LINE)  # they are of a keyframe: not of the frames after it
         self._scene.strips("matches", matched, MATCH, 0.5)
+
+    def _lines(self, keyframe: object, now_ns: int) -> None:
+        """Lines come later than their keyframe, and are shown with it."""
+        if keyframe.timestamp_ns in self._frames:
+            self._at(keyframe.timestamp_ns)
+            self._scene.strips("lines", np.asarray(keyframe.lines)[used_lines(keyframe)].reshape(-1, 2, 2), LINE)
+            self._at(now_ns)
 
     def _pose(self, frame: object) -> None:
         if frame.world_from_body is None:
@@ -163,6 +172,8 @@ class LiveView:
     def finish(self, result: Path) -> None:
         """Logs the final map and trajectory, with z up where gravity became known, and the final alignment."""
         content = Map.load(result / "map.db")
+        if len(content):
+            self._lines(content.keyframe(len(content) - 1), max(self._frames))
         self._at(max(self._frames))
         upright = knows_gravity(content)
         self._scene.world(upright)

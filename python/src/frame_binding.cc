@@ -61,9 +61,15 @@ void BindTracked(nb::class_<Frame>& frame) {
           nb::rv_policy::automatic)
       .def_prop_ro(
           "keyframe", [](const Frame& f) { return f.keyframe; },
-          "The Keyframe that it became, with its lines and landmarks as they were made, before any "
-          "bundle adjustment; None where it became none.",
-          nb::sig("def keyframe(self) -> Keyframe | None"));
+          "The Keyframe that it became, with its landmarks as they were made, before any bundle "
+          "adjustment, and without lines yet; None where it became none.",
+          nb::sig("def keyframe(self) -> Keyframe | None"))
+      .def_prop_ro(
+          "lined", [](const Frame& f) { return f.lined; },
+          "The Keyframe before it, whose lines have been found by now: on another thread while the "
+          "frames between were tracked. None with most frames; the last keyframe of a run has its "
+          "lines in the map only.",
+          nb::sig("def lined(self) -> Keyframe | None"));
 }
 
 void BindInertial(nb::class_<Frame>& frame) {
@@ -118,6 +124,7 @@ Frame MakeFrame(const FrameObservation& seen, const Rigid3& body_from_cam) {
   if (seen.features != nullptr) frame.keypoints = seen.features->keypoints;
   frame.points.assign(seen.points.begin(), seen.points.end());
   if (seen.keyframe != nullptr) frame.keyframe = std::make_shared<Keyframe>(*seen.keyframe);
+  if (seen.lined != nullptr) frame.lined = std::make_shared<Keyframe>(*seen.lined);
   frame.inertial = seen.inertial;
   return frame;
 }

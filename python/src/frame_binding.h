@@ -29,6 +29,7 @@ struct Frame {
   std::vector<Keypoint> keypoints;
   std::vector<TrackedPoint> points;
   std::shared_ptr<Keyframe> keyframe;  // null where it became none
+  std::shared_ptr<Keyframe> lined;     // FrameObservation::lined
   std::optional<InertialEstimate> inertial;
   std::map<std::string, double> stage_ms;
 };

@@ -57,6 +57,7 @@ def frame(index: int, **changes: object) -> SimpleNamespace:
               "world_from_body": pose(path(30)[index % 30]), "left": np.full((48, 64), index, np.uint8),
               "keypoints": np.array([[1.0, 2], [3, 4], [5, 6]]), "tracked_points": 2, "component": 0,
               "is_keyframe": index % 4 == 0, "stage_ms": {"track": 2.0 + index, "detect left": 9.0}, "keyframe": None,
+              "lined": None,
               "tracked_ids": np.array([7, 10 + index]), "tracked_pixels": np.array([[10.0 + index, 5], [20, 30]]),
               "gyroscope_bias": None, "accelerometer_bias": None}
     return SimpleNamespace(**{**values, **changes})
@@ -106,8 +107,10 @@ def test_truth_and_the_growing_map(tmp_path: Path) -> None:
     content = airslam.Map.load(result)
     estimate = airslam.Trajectory.load(result / "trajectory.tum")
     times = content.timestamps_ns.tolist()
+    rows = {t: row for row, t in enumerate(times)}
     frames = [frame(i, timestamp_ns=int(t), world_from_body=p, is_keyframe=int(t) in times,
-                    keyframe=content.keyframe(times.index(t)) if int(t) in times else None,
+                    keyframe=content.keyframe(rows[t]) if t in rows else None,
+                    lined=content.keyframe(rows[t] - 1) if rows.get(t) else None,
                     gyroscope_bias=np.full(3, 0.1) if i > 9 else None, accelerometer_bias=np.full(3, 0.2))
               for i, (t, p) in enumerate(zip(estimate.timestamps_ns, estimate.world_from_body))]
     recorded = record(tmp_path, frames, airslam.Trajectory.load(dataset / TRUTH), result / "map.db")
@@ -120,7 +123,8 @@ def test_truth_and_the_growing_map(tmp_path: Path) -> None:
     # Lines and matches stand at their keyframes' times; the frames after them have none. Biases from when they are known.
     strips = [recorded.nth("/camera/image/lines", "LineStrips2D:strips", i) for i in range(recorded.count(
         "/camera/image/lines", "LineStrips2D:strips"))]
-    assert sum(len(s) > 0 for s in strips) == len(times) and sum(len(s) == 0 for s in strips) >= 20
+    assert sum(len(s) > 0 for s in strips) == len(times) - 1 and sum(len(s) == 0 for s in strips) >= 20
+    assert len(strips) == len(frames) - 1 and len(strips[0]) > 0  # of the last keyframe the lines are still to come
     assert recorded.count("/plots/accelerometer_bias/y", "Scalars:scalars") == len(frames) - 10
     second = [each.is_keyframe for each in frames].index(True, 1)
     matched = recorded.nth("/camera/image/matches", "LineStrips2D:strips", second)

@@ -161,7 +161,8 @@ class Diagnoser {
   const ShiftedMatches& shifted_;
   const std::vector<RayMatch> rays_;
   std::vector<RayMatch> moving_;  // those that tell of a delay
-  const double tolerance_ = StereoMatchingOptions().max_aligned_row_difference;
+  // What stereo matching allows at half resolution.
+  const double tolerance_ = 2 * StereoMatchingOptions().max_row_difference;
 
   struct Evaluated {
     RigHypothesis hypothesis;

@@ -22,38 +22,41 @@ class StereoMatching : public ::testing::Test {
     const cv::Matx23d shift(1, 0, -kDisparity, 0, 1, 0);
     cv::warpAffine(left_, right_, shift, left_.size(), cv::INTER_CUBIC);
     left_keypoints_ = {{100, 40, 1}, {150, 60, 1}, {60, 80, 1}};
-    // The second keypoint's partner lies on another row; the third has been detected 1.5 px off.
     right_.copyTo(right_image_);
-    right_features_.keypoints = {{87.6f, 40, 1}, {137.6f, 75, 1}, {49.1f, 80.5f, 1}};
-    right_features_.descriptors = DescriptorMatrix::Identity(3, 4);
-    left_descriptors_ = DescriptorMatrix::Identity(3, 4);
     stereo_ = {{100, 100, 120, 60, 240, 120}, 0.5};
   }
 
   std::vector<float> Match(std::span<const float> expected) const {
     const ImagePyramid left = MakePyramid(left_), right = MakePyramid(right_image_);
-    return MatchStereo({left, right, left_keypoints_, left_descriptors_, right_features_},
-                       stereo_, expected, options_);
+    return MatchStereo({left, right, left_keypoints_}, stereo_, expected, options_);
   }
 
   cv::Mat left_, right_, right_image_;
   std::vector<Keypoint> left_keypoints_;
-  DescriptorMatrix left_descriptors_;
-  Detections right_features_;
   StereoCamera stereo_;
   StereoMatchingOptions options_;
 };
 
-TEST_F(StereoMatching, FindsSubPixelDisparityByDescriptor) {
+TEST_F(StereoMatching, FindsSubPixelDisparityAlongTheRow) {
   const std::vector<float> right_x = Match({});
-  EXPECT_NEAR(100 - right_x[0], kDisparity, 0.05);
-  EXPECT_EQ(right_x[1], -1);
-  EXPECT_NEAR(60 - right_x[2], kDisparity, 0.05);
+  for (std::size_t i = 0; i < left_keypoints_.size(); ++i) {
+    EXPECT_NEAR(left_keypoints_[i].x - right_x[i], kDisparity, 0.05) << i;
+  }
 }
 
+// The second keypoint's surroundings are seen at a second place, too.
 TEST_F(StereoMatching, SeeksWhereALandmarkIsExpected) {
+  right_image_(cv::Rect(110, 30, 50, 60)).copyTo(right_image_(cv::Rect(74, 30, 50, 60)));
+  EXPECT_EQ(Match({})[1], -1);
   const std::vector<float> expected = {-1, 11, -1};
   EXPECT_NEAR(150 - Match(expected)[1], kDisparity, 0.05);
+}
+
+// Two places of the left image look like the one of the right image.
+TEST_F(StereoMatching, WhatLooksTheSameAtTwoPlacesOfTheLeftImageIsNotFound) {
+  left_(cv::Rect(125, 30, 50, 60)).copyTo(left_(cv::Rect(185, 30, 50, 60)));
+  left_keypoints_[0] = {210, 60, 1};
+  EXPECT_EQ(Match({})[0], -1);
 }
 
 TEST_F(StereoMatching, FindsAtHalfResolutionWhatNoiseHides) {

@@ -121,6 +121,8 @@ struct MapWriter::Impl {
   void WriteCalibration(const MapCalibration& calibration);
   void InsertFeatures(const Keyframe& keyframe);
   void InsertObservations(const Keyframe& keyframe);
+  void InsertLineLandmarks(std::span<const LineLandmark> landmarks);
+  void RequireKeyframe(KeyframeId id);
   void WriteImuReadings(KeyframeId id, const std::vector<ImuSample>& samples,
                         const ImuNoise& noise);
   // The parts of an update, within its transaction.
@@ -135,8 +137,10 @@ struct MapWriter::Impl {
   struct Statements {
     explicit Statements(SqliteDatabase& db)
         : insert_keyframe(db, InsertSql("keyframes", 11)),
-          insert_features(db, InsertSql("features", 10)),
-          insert_observations(db, InsertSql("observations", 3)),
+          // In place of a keyframe's rows without lines; keyframes themselves are not replaced.
+          insert_features(db, InsertSql("features", 10, "INSERT OR REPLACE")),
+          insert_observations(db, InsertSql("observations", 3, "INSERT OR REPLACE")),
+          find_keyframe(db, "SELECT 1 FROM keyframes WHERE id=?1"),
           insert_landmark(db, InsertSql("landmarks", 5)),
           update_pose(db,
                       "UPDATE keyframes SET qw=?2, qx=?3, qy=?4, qz=?5, tx=?6, ty=?7, tz=?8, "
@@ -164,7 +168,8 @@ struct MapWriter::Impl {
                                    "checksum=row_checksum(keyframe_id, landmarks, ?2) WHERE "
                                    "keyframe_id=?1 AND length(line_landmarks) = length(?2)"),
           delete_line_landmark(db, "DELETE FROM line_landmarks WHERE id=?1") {}
-    SqliteStatement insert_keyframe, insert_features, insert_observations, insert_landmark;
+    SqliteStatement insert_keyframe, insert_features, insert_observations, find_keyframe;
+    SqliteStatement insert_landmark;
     SqliteStatement update_pose, update_inertial_state;
     SqliteStatement update_landmark, update_observations, delete_landmark;
     SqliteStatement insert_line_landmark, update_line_landmark, update_line_observations;
@@ -258,6 +263,20 @@ void MapWriter::Impl::InsertObservations(const Keyframe& keyframe) {
   insert.Bind(2, landmarks);
   if (!line_landmarks.empty()) insert.Bind(3, line_landmarks);
   insert.Run();
+}
+
+void MapWriter::Impl::InsertLineLandmarks(std::span<const LineLandmark> landmarks) {
+  for (const LineLandmark& landmark : landmarks) {
+    BindLineLandmark(sql->insert_line_landmark, landmark);
+    sql->insert_line_landmark.Run();
+  }
+}
+
+void MapWriter::Impl::RequireKeyframe(KeyframeId id) {
+  sql->find_keyframe.Bind(1, std::int64_t{id});
+  const bool found = sql->find_keyframe.Step();
+  sql->find_keyframe.Reset();
+  if (!found) Fail("map file {} has no keyframe {}", file.string(), id);
 }
 
 void MapWriter::Impl::WriteImuReadings(KeyframeId id, const std::vector<ImuSample>& samples,
@@ -358,10 +377,18 @@ void MapWriter::AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> 
       BindLandmark(impl_->sql->insert_landmark, landmark);
       impl_->sql->insert_landmark.Run();
     }
-    for (const LineLandmark& landmark : new_line_landmarks) {
-      BindLineLandmark(impl_->sql->insert_line_landmark, landmark);
-      impl_->sql->insert_line_landmark.Run();
-    }
+    impl_->InsertLineLandmarks(new_line_landmarks);
+  });
+}
+
+void MapWriter::AddLines(const Keyframe& keyframe,
+                         std::span<const LineLandmark> new_line_landmarks) {
+  RequireConsistent(keyframe);
+  impl_->Transact([&] {
+    impl_->RequireKeyframe(keyframe.id);
+    impl_->InsertFeatures(keyframe);
+    impl_->InsertObservations(keyframe);
+    impl_->InsertLineLandmarks(new_line_landmarks);
   });
 }
 

@@ -36,6 +36,11 @@ class MapWriter {
   void AddKeyframe(const Keyframe& keyframe, std::span<const Landmark> new_landmarks,
                    std::span<const LineLandmark> new_line_landmarks = {});
 
+  // Commits the lines, junctions and line landmark ids of a keyframe that was added without them,
+  // together with the line landmarks that they created. The rest of the keyframe's features must be
+  // what was added, or has become of it since.
+  void AddLines(const Keyframe& keyframe, std::span<const LineLandmark> new_line_landmarks);
+
   // Commits what local bundle adjustment changed: poses and inertial states of keyframes, places of
   // landmarks, observations and landmarks that were removed as outliers. All parts belong to
   // known ids. Keyframes that still name a removed landmark are read back as not seeing it.

@@ -181,6 +181,40 @@ TEST_F(MapFileTest, UpdateChangesWhatItNames) {
   EXPECT_EQ(map.keyframes.at(1).landmarks[2], 7);
 }
 
+TEST_F(MapFileTest, LinesMayComeLaterThanTheirKeyframe) {
+  const Keyframe bare = TestKeyframe(0, 4, 0);
+  Keyframe keyframe = bare;
+  keyframe.landmarks[1] = kNoLandmark;  // what has become of it since
+  keyframe.lines = {{1, 2, 3, 4, 0.5f}, {5, 6, 7, 8, 0.6f}};
+  keyframe.right_lines = {kNoLine, {4, 6, 6, 8, 0.6f}};
+  keyframe.line_landmarks = {9, kNoLandmark};
+  const std::vector<LineLandmark> landmarks = {{9, {{0, 0, 1}, {0, 0, 2}}, 0}};
+  MapWriter writer(file_, TestCalibration(), "pack", "abc");
+  writer.AddKeyframe(bare, TestLandmarks(bare));
+  const auto error_of = [&](const Keyframe& wrong) {
+    return ErrorOf([&] { writer.AddLines(wrong, landmarks); });
+  };
+  Keyframe unknown = keyframe;
+  unknown.id = 7;
+  EXPECT_THAT(error_of(unknown), HasSubstr("has no keyframe 7"));
+  Keyframe inconsistent = keyframe;
+  inconsistent.right_lines.pop_back();
+  EXPECT_THAT(error_of(inconsistent), HasSubstr("2 lines but 1 right lines"));
+  EXPECT_TRUE(ReadMap(file_).keyframes.at(0).lines.empty());
+  writer.AddLines(keyframe, landmarks);
+  writer.Close();
+
+  const Map map = ReadMap(file_);
+  const Keyframe& read = map.keyframes.at(0);
+  ASSERT_EQ(read.lines.size(), 2u);
+  EXPECT_EQ(read.lines[1].x2, 7);
+  EXPECT_LT(read.right_lines[0].score, 0);
+  EXPECT_EQ(read.line_landmarks, keyframe.line_landmarks);
+  EXPECT_EQ(read.landmarks, keyframe.landmarks);
+  EXPECT_EQ(read.keypoints.size(), bare.keypoints.size());
+  EXPECT_EQ(map.line_landmarks.at(9).ends_in_world.end, Eigen::Vector3d(0, 0, 2));
+}
+
 TEST_F(MapFileTest, UpdateChangesTheLinesThatItNames) {
   Keyframe keyframe = TestKeyframe(0, 4, 0);
   keyframe.lines.resize(3);

@@ -86,10 +86,11 @@ PipelineResult RunOn(const Sequence& sequence, const OdometryOptions& options = 
                      MapRecorder* recorder = nullptr) {
   cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right;
+  SyntheticDetector detector, line_detector;
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {detector, line_detector, matcher}, recorder, {},
+                     times);
 }
 
 int Count(const PipelineResult& result, FrameState state) {

@@ -102,7 +102,7 @@ KeyframeDraft KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t 
 }
 
 void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& right_image,
-                                 const Detections& right, Keyframe& keyframe) const {
+                                 Keyframe& keyframe) const {
   const Rigid3 cam_from_world = keyframe.world_from_cam.Inverse();
   std::vector<float> expected(keyframe.keypoints.size(), -1.0f);
   for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -112,10 +112,8 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& rig
     expected[i] = static_cast<float>(map_.stereo().Disparity(point.z()));
   }
   StereoMatchingOptions stereo;
-  stereo.min_similarity = options_.tracking.min_similarity;
-  stereo.alignment.min_correlation = options_.tracking.min_correlation;
   stereo.coarse_below = options_.tracking.coarse_below;
-  const StereoView view{frame.image, right_image, keyframe.keypoints, keyframe.descriptors, right};
+  const StereoView view{frame.image, right_image, keyframe.keypoints};
   keyframe.right_x = MatchStereo(view, map_.stereo(), expected, stereo);
 }
 

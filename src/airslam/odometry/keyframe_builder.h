@@ -37,7 +37,7 @@ class KeyframeBuilder {
                                const Rigid3& world_from_cam) const;
 
   // Fills keyframe.right_x from the right image.
-  void MatchRight(const FrameView& frame, const ImagePyramid& right_image, const Detections& right,
+  void MatchRight(const FrameView& frame, const ImagePyramid& right_image,
                   Keyframe& keyframe) const;
 
   // Creates landmarks for keypoints with a right match and none yet. Returns their ids.

@@ -9,16 +9,6 @@
 namespace airslam {
 namespace {
 
-// Where the keyframe's points lie in its right image; NaN for those that were not found there.
-std::vector<Keypoint> RightPoints(const Keyframe& keyframe) {
-  std::vector<Keypoint> points = keyframe.keypoints;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const float x = keyframe.right_x[i];
-    points[i].x = x >= 0 ? x : std::numeric_limits<float>::quiet_NaN();
-  }
-  return points;
-}
-
 PointLineAssociation Associate(const Keyframe& keyframe) {
   constexpr double kMaxOvershoot = 10;  // pixels; see PointLineOptions
   return AssociatePoints(keyframe.keypoints, keyframe.lines, {.max_overshoot = kMaxOvershoot});
@@ -78,28 +68,25 @@ LineTriangulationOptions LineBuilder::TriangulationOptions() const {
   return options;
 }
 
-void LineBuilder::SetLines(const Detections& left, const Detections& right,
-                           Keyframe& keyframe) const {
-  keyframe.lines = left.lines;
-  keyframe.junctions = left.junctions;
-  keyframe.junction_descriptors = left.junction_descriptors;
-  keyframe.right_lines.assign(left.lines.size(), kNoLine);
-  keyframe.line_landmarks.assign(left.lines.size(), kNoLandmark);
-  const PointLineAssociation in_left = Associate(keyframe);
-  const PointLineAssociation in_right = AssociatePoints(RightPoints(keyframe), right.lines);
-  for (const Match& match : MatchLines(in_left, in_right, MatchingOptions())) {
-    keyframe.right_lines[match.index0] = right.lines[match.index1];
-  }
+LineChanges LineBuilder::AddLines(KeyframeLines found) {
+  Keyframe& keyframe = map_.map().keyframes.at(found.keyframe);
+  keyframe.lines = std::move(found.left.lines);
+  keyframe.right_lines = std::move(found.right);
+  keyframe.junctions = std::move(found.left.junctions);
+  keyframe.junction_descriptors = std::move(found.left.junction_descriptors);
+  keyframe.line_landmarks.assign(keyframe.lines.size(), kNoLandmark);
+  LineChanges changes = FindLandmarks(keyframe);
+  map_.lines().AddKeyframe(keyframe);
+  return changes;
 }
 
 LineBuilder::Tracks LineBuilder::FollowLines(const Keyframe& keyframe) const {
   Tracks tracks(keyframe.lines.size());
-  if (map_.empty() || map_.last().component != keyframe.component) return tracks;
   const PointLineAssociation here = Associate(keyframe);
   const std::span<const KeyframeId> window = map_.window();
   for (auto id = window.rbegin(); id != window.rend(); ++id) {
     const Keyframe& earlier = map_.map().keyframes.at(*id);
-    if (earlier.lines.empty()) continue;
+    if (earlier.id == keyframe.id || earlier.lines.empty()) continue;
     const std::vector<Match> points = SharedPoints(keyframe, earlier);
     for (const Match& match : MatchLines(here, Associate(earlier), points, MatchingOptions())) {
       tracks[match.index0].push_back({earlier.id, match.index1});
@@ -139,7 +126,6 @@ void LineBuilder::Inherit(const Tracks& tracks, Keyframe& keyframe) const {
 // Lines that share too few points with earlier ones may still show a line of the map: one that the
 // window sees, whose image lies where the line is, and no other line lies there nearly as well.
 void LineBuilder::SeekLandmarks(Keyframe& keyframe) const {
-  if (map_.empty() || map_.last().component != keyframe.component) return;
   std::set<LandmarkId> wanted;
   for (KeyframeId id : map_.window()) {
     const std::vector<LandmarkId>& seen = map_.map().keyframes.at(id).line_landmarks;
@@ -196,6 +182,7 @@ void LineBuilder::AddSightings(const Keyframe& keyframe, int line,
 
 LineChanges LineBuilder::FindLandmarks(Keyframe& keyframe) {
   LineChanges changes;
+  changes.keyframe = keyframe.id;
   const Tracks tracks = FollowLines(keyframe);
   Inherit(tracks, keyframe);
   SeekLandmarks(keyframe);

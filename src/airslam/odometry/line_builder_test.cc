@@ -40,7 +40,7 @@ class LineBuilderTest : public ::testing::Test {
     return detections;
   }
 
-  // A keyframe that sees all of it; with_depth: its points have right matches.
+  // A keyframe that sees the points on all edges; with_right: in the right image, too.
   Keyframe See(const Rigid3& world_from_cam, bool with_right = true) {
     const Rigid3 left = world_from_cam.Inverse();
     if (points_.empty()) {
@@ -60,9 +60,22 @@ class LineBuilderTest : public ::testing::Test {
       keyframe.right_x.push_back(
           with_right ? pixel.x() - static_cast<float>(kStereo.Disparity(p.z())) : -1);
     }
-    builder_.SetLines(Lines(left), Lines(RightFromLeft(kStereo) * left), keyframe);
     return keyframe;
   }
+
+  static KeyframeLines LinesOf(const Keyframe& keyframe, bool with_right = true) {
+    const Rigid3 left = keyframe.world_from_cam.Inverse();
+    KeyframeLines found{keyframe.id, Lines(left), Lines(RightFromLeft(kStereo) * left).lines};
+    if (!with_right) found.right.assign(found.right.size(), kNoLine);
+    return found;
+  }
+
+  // Makes it the latest keyframe of the map, and gives it its lines.
+  LineChanges Add(Keyframe keyframe, KeyframeLines lines) {
+    map_.AddKeyframe(std::move(keyframe), {});
+    return builder_.AddLines(std::move(lines));
+  }
+  LineChanges Add(const Keyframe& keyframe) { return Add(keyframe, LinesOf(keyframe)); }
 
   static double ErrorOf(const LineLandmark& line, const SpaceSegment& edge) {
     return std::max(line.line_in_world().Distance(edge.start),
@@ -75,12 +88,14 @@ class LineBuilderTest : public ::testing::Test {
   std::vector<LandmarkId> points_;
 };
 
-TEST_F(LineBuilderTest, LinesAreMatchedWithTheRightImageAndTriangulatedBothWays) {
-  Keyframe keyframe = See({});
+TEST_F(LineBuilderTest, LinesAreTriangulatedBothWays) {
+  const LineChanges changes = Add(See({}));
+  const Keyframe& keyframe = map_.last();
   ASSERT_EQ(keyframe.lines.size(), kEdges.size());
+  EXPECT_EQ(keyframe.right_lines.size(), kEdges.size());
   EXPECT_EQ(keyframe.junctions.size(), 6u);
-  for (const LineSegment& right : keyframe.right_lines) EXPECT_GE(right.score, 0);
-  const LineChanges changes = builder_.FindLandmarks(keyframe);
+  EXPECT_EQ(keyframe.junction_descriptors.rows(), 6);
+  EXPECT_EQ(changes.keyframe, 0);
   ASSERT_EQ(changes.added.size(), kEdges.size());
   EXPECT_THAT(changes.observed, ::testing::IsEmpty());
   for (std::size_t i = 0; i < kEdges.size(); ++i) {
@@ -89,50 +104,43 @@ TEST_F(LineBuilderTest, LinesAreMatchedWithTheRightImageAndTriangulatedBothWays)
     EXPECT_NEAR((line.ends_in_world.end - line.ends_in_world.start).norm(),
                 (kEdges[i].end - kEdges[i].start).norm(), 0.01);
     EXPECT_EQ(line.first_seen_by, 0);
+    EXPECT_EQ(map_.lines().observations(line.id).size(), 1u);
   }
 }
 
 TEST_F(LineBuilderTest, TheNextKeyframeSeesTheSameLines) {
-  Keyframe first = See({});
-  builder_.FindLandmarks(first);
-  const std::vector<LandmarkId> lines = first.line_landmarks;
-  map_.AddKeyframe(std::move(first), {});
-  Keyframe second = See({ExpSO3({0.01, 0.03, 0}), {0.2, 0.05, 0.1}});
-  EXPECT_THAT(builder_.FindLandmarks(second).added, ::testing::IsEmpty());
-  EXPECT_EQ(second.line_landmarks, lines);
-  map_.AddKeyframe(std::move(second), {});
+  Add(See({}));
+  const std::vector<LandmarkId> lines = map_.last().line_landmarks;
+  EXPECT_THAT(Add(See({ExpSO3({0.01, 0.03, 0}), {0.2, 0.05, 0.1}})).added, ::testing::IsEmpty());
+  EXPECT_EQ(map_.last().line_landmarks, lines);
   EXPECT_EQ(map_.lines().observations(lines[0]).size(), 2u);
 }
 
 TEST_F(LineBuilderTest, LinesAreSoughtWhereTheMapHasThem) {
-  Keyframe first = See({});
-  builder_.FindLandmarks(first);
-  const std::vector<LandmarkId> lines = first.line_landmarks;
-  map_.AddKeyframe(std::move(first), {});
+  Add(See({}));
+  const std::vector<LandmarkId> lines = map_.last().line_landmarks;
   Keyframe second = See({ExpSO3({0.01, 0.03, 0}), {0.2, 0.05, 0.1}});
   for (LandmarkId& id : second.landmarks) id = kNoLandmark;  // no points to match them by
   // Two lines in almost the same place: which of them it is cannot be said.
-  LineSegment rival = second.lines[1];
+  KeyframeLines found = LinesOf(second);
+  LineSegment rival = found.left.lines[1];
   rival.x1 += 1;
   rival.x2 += 1;
-  second.lines.push_back(rival);
-  second.lines[1].x1 -= 1;
-  second.lines[1].x2 -= 1;
-  second.right_lines.assign(4, kNoLine);
-  second.line_landmarks.assign(4, kNoLandmark);
-  EXPECT_THAT(builder_.FindLandmarks(second).added, ::testing::IsEmpty());
-  EXPECT_THAT(second.line_landmarks,
+  found.left.lines.push_back(rival);
+  found.left.lines[1].x1 -= 1;
+  found.left.lines[1].x2 -= 1;
+  found.right.assign(4, kNoLine);
+  EXPECT_THAT(Add(second, found).added, ::testing::IsEmpty());
+  EXPECT_THAT(map_.last().line_landmarks,
               ::testing::ElementsAre(lines[0], kNoLandmark, lines[2], kNoLandmark));
 }
 
 TEST_F(LineBuilderTest, ALineThatLiesElsewhereIsAnotherOne) {
-  Keyframe first = See({});
-  builder_.FindLandmarks(first);
-  const std::vector<LandmarkId> lines = first.line_landmarks;
-  map_.AddKeyframe(std::move(first), {});
+  Add(See({}));
+  const std::vector<LandmarkId> lines = map_.last().line_landmarks;
   map_.map().line_landmarks.at(lines[1]).ends_in_world.start.x() += 0.3;
-  Keyframe second = See({ExpSO3({0.01, 0.03, 0}), {0.2, 0.05, 0.1}});
-  const LineChanges changes = builder_.FindLandmarks(second);
+  const LineChanges changes = Add(See({ExpSO3({0.01, 0.03, 0}), {0.2, 0.05, 0.1}}));
+  const Keyframe& second = map_.last();
   EXPECT_EQ(second.line_landmarks[0], lines[0]);
   EXPECT_EQ(second.line_landmarks[2], lines[2]);
   ASSERT_EQ(changes.added.size(), 1u);
@@ -143,15 +151,14 @@ TEST_F(LineBuilderTest, TwoKeyframesTriangulateWhatNoneOfThemCouldAlone) {
   Keyframe first = See({}, false);
   // Points without landmarks give no line either.
   for (LandmarkId& id : first.landmarks) id = kNoLandmark;
-  EXPECT_THAT(builder_.FindLandmarks(first).added, ::testing::IsEmpty());
-  first.landmarks = points_;
-  map_.AddKeyframe(std::move(first), {});
-  Keyframe second = See({ExpSO3({0, 0.05, 0}), {0.4, 0.3, 0}}, false);
-  const LineChanges changes = builder_.FindLandmarks(second);
+  EXPECT_THAT(Add(first, LinesOf(first, false)).added, ::testing::IsEmpty());
+  map_.map().keyframes.at(0).landmarks = points_;
+  const Keyframe second = See({ExpSO3({0, 0.05, 0}), {0.4, 0.3, 0}}, false);
+  const LineChanges changes = Add(second, LinesOf(second, false));
   ASSERT_EQ(changes.added.size(), kEdges.size());
   EXPECT_THAT(changes.observed, ::testing::ElementsAre(0));
   for (std::size_t i = 0; i < kEdges.size(); ++i) {
-    const LineLandmark& line = map_.map().line_landmarks.at(second.line_landmarks[i]);
+    const LineLandmark& line = map_.map().line_landmarks.at(map_.last().line_landmarks[i]);
     EXPECT_LT(ErrorOf(line, kEdges[i]), 0.002) << i;
     EXPECT_EQ(line.first_seen_by, 0);
     EXPECT_EQ(map_.map().keyframes.at(0).line_landmarks[i], line.id);

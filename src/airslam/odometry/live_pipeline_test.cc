@@ -56,10 +56,11 @@ class Recorded : public Sequence {
 PipelineResult RunOn(const Sequence& sequence, const FrameObserver& observer = {}) {
   cv::setNumThreads(1);
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left({.lines = true}), right({.lines = true});
+  SyntheticDetector detector({.lines = true}), line_detector({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, observer, times);
+  return RunPipeline(sequence, rectifier, {}, {detector, line_detector, matcher}, nullptr, observer,
+                     times);
 }
 
 // Adds everything; `lead`: how many seconds the readings come before the frames.
@@ -170,7 +171,10 @@ TEST(LivePipeline, TheObserverIsToldWhatHoldsAFrame) {
     }
     if (seen.keyframe == nullptr) return;
     ++keyframes;
-    with_lines += !seen.keyframe->lines.empty();
+    if (seen.lined != nullptr) {  // the keyframe before it
+      with_lines += !seen.lined->lines.empty();
+      EXPECT_EQ(seen.lined->id, seen.keyframe->id - 1);
+    }
     EXPECT_EQ(seen.keyframe->timestamp_ns, seen.record.timestamp_ns);
     for (std::size_t i = 0; i < seen.keyframe->landmarks.size(); ++i) {
       const float right = seen.keyframe->right_x[i];
@@ -183,7 +187,7 @@ TEST(LivePipeline, TheObserverIsToldWhatHoldsAFrame) {
     }
   });
   EXPECT_EQ(keyframes, static_cast<int>(result.map.keyframes.size()));
-  EXPECT_EQ(with_lines, keyframes);
+  EXPECT_EQ(with_lines, keyframes - 1);
   EXPECT_GT(shown, 20 * kFrames);
   EXPECT_GT(near, 0.95 * shown);
   ASSERT_GT(gravity.size(), 10u);  // from the initialisation on

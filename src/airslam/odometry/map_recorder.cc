@@ -17,11 +17,16 @@ MapRecorder::~MapRecorder() {
   if (thread_.joinable()) thread_.join();
 }
 
-void MapRecorder::AddKeyframe(Keyframe keyframe, std::vector<Landmark> new_landmarks,
-                              std::vector<LineLandmark> new_line_landmarks) {
-  Enqueue(
-      [this, keyframe = std::move(keyframe), landmarks = std::move(new_landmarks),
-       lines = std::move(new_line_landmarks)] { writer_.AddKeyframe(keyframe, landmarks, lines); });
+void MapRecorder::AddKeyframe(Keyframe keyframe, std::vector<Landmark> new_landmarks) {
+  Enqueue([this, keyframe = std::move(keyframe), landmarks = std::move(new_landmarks)] {
+    writer_.AddKeyframe(keyframe, landmarks);
+  });
+}
+
+void MapRecorder::AddLines(Keyframe keyframe, std::vector<LineLandmark> new_line_landmarks) {
+  Enqueue([this, keyframe = std::move(keyframe), landmarks = std::move(new_line_landmarks)] {
+    writer_.AddLines(keyframe, landmarks);
+  });
 }
 
 void MapRecorder::Apply(MapWriter::Update update) {

@@ -27,8 +27,8 @@ class MapRecorder {
   MapRecorder(const MapRecorder&) = delete;
   MapRecorder& operator=(const MapRecorder&) = delete;
 
-  void AddKeyframe(Keyframe keyframe, std::vector<Landmark> new_landmarks,
-                   std::vector<LineLandmark> new_line_landmarks = {});
+  void AddKeyframe(Keyframe keyframe, std::vector<Landmark> new_landmarks);
+  void AddLines(Keyframe keyframe, std::vector<LineLandmark> new_line_landmarks);
   void Apply(MapWriter::Update update);
   // Waits until everything is written and closes the file.
   void Finish();

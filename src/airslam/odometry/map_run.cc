@@ -19,8 +19,8 @@ MapRun::MapRun(const StereoRig& rig, const MapRunRequest& request)
       rig_(rig),
       rectifier_(rig_),
       pack_(LoadModelPack(request_.model_pack)),
-      left_detector_(pack_.features),
-      right_detector_(pack_.features),
+      detector_(pack_.features),
+      line_detector_(pack_.features),
       matcher_(MakeMatcher(pack_)) {
   if (request_.out.empty()) return;
   out_.emplace(request_.out);

@@ -41,7 +41,7 @@ class MapRun {
   const StereoRectifier& rectifier() const { return rectifier_; }
   const OdometryOptions& options() const { return request_.options; }
   PipelineNetworks networks() {
-    return {left_detector_, right_detector_, *matcher_};
+    return {detector_, line_detector_, *matcher_};
   }
   MapRecorder* recorder() { return recorder_ ? &*recorder_ : nullptr; }  // null without a folder
   StageTimes& times() { return times_; }
@@ -59,7 +59,7 @@ class MapRun {
   const StereoRig rig_;
   const StereoRectifier rectifier_;
   const ModelPack pack_;
-  PlNet left_detector_, right_detector_;
+  PlNet detector_, line_detector_;
   const std::unique_ptr<FeatureMatcher> matcher_;
   StageTimes times_;
   std::optional<AtomicDirectory> out_;

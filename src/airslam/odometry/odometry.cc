@@ -52,8 +52,7 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
                    const Parts& parts)
     : options_(options),
       rectifier_(parts.rectifier),
-      left_detector_(parts.left_detector),
-      right_detector_(parts.right_detector),
+      detector_(parts.detector),
       matcher_(parts.matcher),
       recorder_(parts.recorder),
       inertial_(parts.inertial),
@@ -62,12 +61,14 @@ Odometry::Odometry(const OdometryOptions& options, const MapCalibration& calibra
       tracker_(options_.tracking, map_, matcher_),
       builder_(options_, tracker_, map_),
       line_builder_(options_.lines, map_),
+      line_search_(parts.line_detector, rectifier_, options_.lines, times_),
       bundle_worker_(LocalBundleOptions(options_.local_map), parts.times) {}
 
 FrameObservation Odometry::Process(const PreparedFrame& frame) {
   const auto start = std::chrono::steady_clock::now();
   points_.clear();
   features_.reset();
+  lined_.reset();
   if (bundle_due_ && frame.index >= *bundle_due_) TakeBundle();
   FrameRecord record;
   record.timestamp_ns = frame.timestamp_ns;
@@ -91,6 +92,7 @@ FrameObservation Odometry::Observe(const PreparedFrame& frame) const {
   FrameObservation seen{frame, record, points_};
   if (features_) seen.features = features_->known();
   if (record.is_keyframe) seen.keyframe = &map_.last();
+  if (lined_) seen.lined = &map_.map().keyframes.at(*lined_);
   if (inertial_ != nullptr && record.has_pose()) {
     seen.inertial = inertial_->EstimateAt(record.timestamp_ns);
   }
@@ -207,7 +209,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
   if (inertial_ != nullptr) inertial_->Observe(frame.timestamp_ns, ToVisualPose(tracked));
   if (!was_lost && !NeedsKeyframe(tracked)) return;
   ScopedStage stage(times_, "keyframe");
-  std::future<RightSight> right = SearchRight(frame);
+  std::future<ImagePyramid> rectified = PrepareRight(frame);
   // The keyframe must start from the latest map; its own pose moves with its reference.
   if (bundle_due_) TakeBundle();
   tracked.world_from_cam =
@@ -216,9 +218,10 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
     return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
   });
   KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, tracked);
-  MatchRight(frame, view, std::move(right), draft.keyframe);
+  const ImagePyramid right = rectified.get();
+  MatchRight(view, right, draft.keyframe);
   if (was_lost || IsWorthwhile(draft.keyframe, tracked)) {
-    InsertKeyframe(frame, view, std::move(draft), record);
+    InsertKeyframe(frame, {view, right}, std::move(draft), record);
   }
 }
 
@@ -258,72 +261,56 @@ Detections Odometry::DetectLeft(const PreparedFrame& frame) const {
   ScopedStage stage(times_, "detect left");
   DetectionRequest request(options_.max_keypoints);
   request.keep_maps = UsesLines();
-  return left_detector_.Detect(frame.left, rectifier_.left_mask(), request);
+  return detector_.Detect(frame.left, rectifier_.left_mask(), request);
 }
 
-Detections Odometry::DetectLines(const PreparedFrame& frame, const Detections& seen) const {
-  ScopedStage stage(times_, "detect lines");
-  return left_detector_.FindLines(frame.left, rectifier_.left_mask(), seen, {0, true, LineScore()});
-}
-
-std::future<Odometry::RightSight> Odometry::SearchRight(const PreparedFrame& frame) const {
+std::future<ImagePyramid> Odometry::PrepareRight(const PreparedFrame& frame) const {
   return std::async(std::launch::async, [this, &frame] {
-    ScopedStage stage(times_, "detect right");
-    const cv::Mat right = rectifier_.RectifyRight(frame.right_raw);
-    return RightSight{MakePyramid(right),
-                      right_detector_.Detect(right, rectifier_.right_mask(),
-                                             {options_.max_keypoints, UsesLines(), LineScore()})};
+    ScopedStage stage(times_, "rectify right");
+    return MakePyramid(rectifier_.RectifyRight(frame.right_raw));
   });
 }
 
-void Odometry::MatchRight(const PreparedFrame& frame, const FrameView& view,
-                          std::future<RightSight> right, Keyframe& keyframe) {
-  Detections left_lines;
-  if (UsesLines()) left_lines = DetectLines(frame, view.features.detections());
-  const RightSight seen = right.get();
-  {
-    ScopedStage stage(times_, "match stereo");
-    builder_.MatchRight(view, seen.image, seen.features, keyframe);
-  }
-  if (!UsesLines()) return;
-  ScopedStage stage(times_, "match lines");
-  line_builder_.SetLines(left_lines, seen.features, keyframe);
+void Odometry::MatchRight(const FrameView& view, const ImagePyramid& right,
+                          Keyframe& keyframe) const {
+  ScopedStage stage(times_, "match stereo");
+  builder_.MatchRight(view, right, keyframe);
 }
 
-std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
-                                                 int component, const Rigid3& world_from_cam) {
-  std::future<RightSight> right = SearchRight(frame);
+std::optional<Odometry::Anew> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
+                                                  int component, const Rigid3& world_from_cam) {
+  std::future<ImagePyramid> rectified = PrepareRight(frame);
   KeyframeDraft draft =
       builder_.FromDetections(view, frame.timestamp_ns, component, world_from_cam);
-  const Keyframe& keyframe = draft.keyframe;
-  MatchRight(frame, view, std::move(right), draft.keyframe);
-  const auto matched = std::count_if(keyframe.right_x.begin(), keyframe.right_x.end(),
-                                     [](float x) { return x >= 0; });
+  ImagePyramid right = rectified.get();
+  MatchRight(view, right, draft.keyframe);
+  const std::vector<float>& right_x = draft.keyframe.right_x;
+  const auto matched = std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
   // Where there is too little depth, the next frame may have more.
   if (matched < options_.recovery.min_stereo_points) return std::nullopt;
-  return draft;
+  return Anew{std::move(draft), std::move(right)};
 }
 
 void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
   if (bundle_due_) TakeBundle();
   // The body of a component's first keyframe is the origin of its world.
-  auto draft = DraftAnew(frame, view, component_ + 1, map_.map().calibration.body_from_left);
-  if (!draft) return;
+  auto anew = DraftAnew(frame, view, component_ + 1, map_.map().calibration.body_from_left);
+  if (!anew) return;
   ++component_;
   if (inertial_ != nullptr) inertial_->StartComponent(component_, frame.timestamp_ns);
   record.state = FrameState::kInitialized;
-  Begin(frame, view, std::move(*draft), record);
+  Begin(frame, {view, anew->right}, std::move(anew->draft), record);
 }
 
 void Odometry::Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
   if (bundle_due_) TakeBundle();
-  auto draft = DraftAnew(frame, view, component_, inertial_->world_from_cam());
-  if (!draft) return;
+  auto anew = DraftAnew(frame, view, component_, inertial_->world_from_cam());
+  if (!anew) return;
   inertial_->Observe(frame.timestamp_ns, {inertial_->world_from_cam()});
-  Begin(frame, view, std::move(*draft), record);
+  Begin(frame, {view, anew->right}, std::move(anew->draft), record);
 }
 
-void Odometry::Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
+void Odometry::Begin(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
                      FrameRecord& record) {
   const Keyframe& keyframe = draft.keyframe;
   lost_frames_ = strange_frames_ = 0;
@@ -331,25 +318,21 @@ void Odometry::Begin(const PreparedFrame& frame, const FrameView& view, Keyframe
   record.online_world_from_cam = keyframe.world_from_cam;
   motion_ = {};
   motion_.Observe(frame.timestamp_ns, keyframe.id, {}, keyframe.world_from_cam);
-  InsertKeyframe(frame, view, std::move(draft), record);
+  InsertKeyframe(frame, seen, std::move(draft), record);
   points_ = OwnPoints(map_.last());
   record.tracked_points = static_cast<int>(points_.size());
 }
 
-void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
+void Odometry::InsertKeyframe(const PreparedFrame& frame, const StereoSight& seen,
                               KeyframeDraft draft, FrameRecord& record) {
+  TakeLines();
   Keyframe& keyframe = draft.keyframe;
   // Where it knows no landmark its pose is not exact enough for triangulation.
   const bool is_placed = CountLandmarks(keyframe) > 0;
   std::vector<LandmarkId> added = builder_.AddStereoLandmarks(keyframe);
   std::vector<LandmarkId> from_motion;
-  if (is_placed) from_motion = builder_.AddMotionLandmarks(view, keyframe);
+  if (is_placed) from_motion = builder_.AddMotionLandmarks(seen.left, keyframe);
   added.insert(added.end(), from_motion.begin(), from_motion.end());
-  LineChanges lines;
-  if (UsesLines()) {
-    ScopedStage stage(times_, "match lines");
-    lines = line_builder_.FindLandmarks(keyframe);
-  }
   for (int index : draft.redefining) {
     map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
   }
@@ -358,8 +341,12 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
   record.reference_from_cam = {};
   motion_.MoveTo(keyframe.id);
   if (inertial_ != nullptr) inertial_->FillKeyframe(keyframe);
-  if (recorder_ != nullptr) Record(keyframe, added, !from_motion.empty(), lines);
-  map_.AddKeyframe(std::move(keyframe), view.image);
+  if (recorder_ != nullptr) Record(keyframe, added, !from_motion.empty());
+  map_.AddKeyframe(std::move(keyframe), seen.left.image);
+  if (UsesLines()) {
+    line_search_.Begin(
+        {map_.last().id, seen.left.image, seen.right, seen.left.features.detections()});
+  }
   BundleJob job = map_.MakeBundleJob();
   if (inertial_ != nullptr) inertial_->AddTo(job, map_.map());
   bundle_worker_.Submit(std::move(job));
@@ -367,20 +354,36 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
 }
 
 void Odometry::Record(const Keyframe& keyframe, std::span<const LandmarkId> added,
-                      bool last_sees_more, const LineChanges& lines) {
+                      bool last_sees_more) {
   const Map& map = map_.map();
   std::vector<Landmark> landmarks;
   for (LandmarkId id : added) landmarks.push_back(map.landmarks.at(id));
-  std::vector<LineLandmark> line_landmarks;
-  for (LandmarkId id : lines.added) line_landmarks.push_back(map.line_landmarks.at(id));
-  // A line's first keyframe may be an earlier one, which then sees it too.
-  recorder_->AddKeyframe(keyframe, std::move(landmarks), std::move(line_landmarks));
+  recorder_->AddKeyframe(keyframe, std::move(landmarks));
+  if (!last_sees_more) return;
   MapWriter::Update update;
-  if (last_sees_more) update.keyframe_landmarks = {{map_.last().id, map_.last().landmarks}};
-  for (KeyframeId id : lines.observed) {
+  update.keyframe_landmarks = {{map_.last().id, map_.last().landmarks}};
+  recorder_->Apply(std::move(update));
+}
+
+// The map must not be under adjustment.
+void Odometry::TakeLines() {
+  std::optional<KeyframeLines> found = line_search_.Take();
+  if (!found) return;
+  ScopedStage stage(times_, "match lines");
+  const LineChanges changes = line_builder_.AddLines(std::move(*found));
+  lined_ = changes.keyframe;
+  if (recorder_ == nullptr) return;
+  const Map& map = map_.map();
+  std::vector<LineLandmark> landmarks;
+  for (LandmarkId id : changes.added) landmarks.push_back(map.line_landmarks.at(id));
+  recorder_->AddLines(map.keyframes.at(changes.keyframe), std::move(landmarks));
+  if (changes.observed.empty()) return;
+  // A line's first keyframe may be an earlier one, which then sees it too.
+  MapWriter::Update update;
+  for (KeyframeId id : changes.observed) {
     update.keyframe_line_landmarks.emplace_back(id, map.keyframes.at(id).line_landmarks);
   }
-  if (last_sees_more || !lines.observed.empty()) recorder_->Apply(std::move(update));
+  recorder_->Apply(std::move(update));
 }
 
 void Odometry::TakeBundle() {
@@ -396,6 +399,7 @@ void Odometry::TakeBundle() {
 
 void Odometry::Finish() {
   if (bundle_due_) TakeBundle();
+  TakeLines();
   MapWriter::Update settled;
   map_.lines().Settle(settled);
   if (recorder_ != nullptr && !settled.removed_line_landmarks.empty()) {

@@ -18,6 +18,7 @@
 #include "airslam/odometry/inertial_odometry.h"
 #include "airslam/odometry/keyframe_builder.h"
 #include "airslam/odometry/line_builder.h"
+#include "airslam/odometry/line_search.h"
 #include "airslam/odometry/local_map.h"
 #include "airslam/odometry/map_recorder.h"
 #include "airslam/odometry/motion_model.h"
@@ -45,8 +46,11 @@ struct FrameObservation {
   std::span<const TrackedPoint> points;
   // What was detected in the left image; null where it was tracked without.
   const Detections* features = nullptr;
-  // What it became, if it became one: as it was made, before any bundle adjustment with it.
+  // What it became, if it became one: as it was made, before any bundle adjustment with it, and
+  // without lines yet.
   const Keyframe* keyframe = nullptr;
+  // The keyframe before it, which has its lines by now (docs/odometry.md); null with most frames.
+  const Keyframe* lined = nullptr;
   // The IMU's part, once it is initialised and the frame has a pose, in the world of its component.
   std::optional<InertialEstimate> inertial = {};
 };
@@ -61,8 +65,8 @@ class Odometry {
   // What it works with. `recorder` and `inertial` may be null. The references must outlive it.
   struct Parts {
     const StereoRectifier& rectifier;
-    FeatureDetector& left_detector;
-    FeatureDetector& right_detector;  // works beside left_detector, in a thread of its own
+    FeatureDetector& detector;
+    FeatureDetector& line_detector;  // of the same networks; works beside it on another thread
     FeatureMatcher& matcher;
     MapRecorder* recorder;
     InertialOdometry* inertial;
@@ -96,37 +100,39 @@ class Odometry {
   // IMU says its pose.
   void Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
   void Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
-  std::optional<KeyframeDraft> DraftAnew(const PreparedFrame& frame, const FrameView& view,
-                                         int component, const Rigid3& world_from_cam);
-  void Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
+  struct Anew {
+    KeyframeDraft draft;
+    ImagePyramid right;
+  };
+  std::optional<Anew> DraftAnew(const PreparedFrame& frame, const FrameView& view, int component,
+                                const Rigid3& world_from_cam);
+  // Both rectified images of a keyframe.
+  struct StereoSight {
+    const FrameView& left;
+    const ImagePyramid& right;
+  };
+  void Begin(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
              FrameRecord& record);
   VisualPose ToVisualPose(const TrackedFrame& tracked) const;
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
   bool IsWorthwhile(const Keyframe& keyframe, const TrackedFrame& tracked) const;
   // Whether keyframes get lines.
-  bool UsesLines() const { return options_.lines.enabled && left_detector_.finds_lines(); }
-  float LineScore() const { return static_cast<float>(options_.lines.min_score); }
+  bool UsesLines() const { return options_.lines.enabled && detector_.finds_lines(); }
   Detections DetectLeft(const PreparedFrame& frame) const;
-  Detections DetectLines(const PreparedFrame& frame, const Detections& seen) const;
-  // The right image of a keyframe, searched on another thread.
-  struct RightSight {
-    ImagePyramid image;
-    Detections features;
-  };
-  std::future<RightSight> SearchRight(const PreparedFrame& frame) const;
-  void MatchRight(const PreparedFrame& frame, const FrameView& view, std::future<RightSight> right,
-                  Keyframe& keyframe);
+  // The right image of a keyframe, rectified on another thread.
+  std::future<ImagePyramid> PrepareRight(const PreparedFrame& frame) const;
+  void MatchRight(const FrameView& view, const ImagePyramid& right, Keyframe& keyframe) const;
   // Commits a keyframe that is not in the map yet, and what it changed there.
-  void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more,
-              const LineChanges& lines);
-  void InsertKeyframe(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
+  void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more);
+  void InsertKeyframe(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
                       FrameRecord& record);
   void TakeBundle();
+  // Gives the last keyframe its lines, and the map and the recorder what they show.
+  void TakeLines();
 
   const OdometryOptions options_;
   const StereoRectifier& rectifier_;
-  FeatureDetector& left_detector_;
-  FeatureDetector& right_detector_;
+  FeatureDetector& detector_;
   FeatureMatcher& matcher_;
   MapRecorder* recorder_;
   InertialOdometry* inertial_;
@@ -136,10 +142,12 @@ class Odometry {
   FrameTracker tracker_;
   KeyframeBuilder builder_;
   LineBuilder line_builder_;
+  LineSearch line_search_;
   MotionModel motion_;
   std::vector<FrameRecord> records_;
   std::optional<FrameFeatures> features_;  // of the latest frame
   std::vector<TrackedPoint> points_;       // of the latest frame, those that hold its pose
+  std::optional<KeyframeId> lined_;        // the keyframe that the latest frame gave its lines
   int component_ = -1;
   int lost_frames_ = 0;     // since vision last found one
   int strange_frames_ = 0;  // of these, the latest that show enough but nothing that is known

@@ -17,8 +17,8 @@ namespace airslam {
 
 // The networks (or their stand-ins) that a run uses. Each is used by one thread.
 struct PipelineNetworks {
-  FeatureDetector& left_detector;
-  FeatureDetector& right_detector;
+  FeatureDetector& detector;
+  FeatureDetector& line_detector;  // of the same networks
   FeatureMatcher& matcher;
 };
 
@@ -35,8 +35,8 @@ using FrameObserver = std::function<void(const FrameObservation&)>;
 MapCalibration MakeMapCalibration(const StereoRig& rig, const StereoRectifier& rectifier);
 
 // Runs stereo odometry over a sequence, with its IMU if it has one and the options allow it. Two
-// stages on two threads, joined by a bounded queue: read and rectify | track; a keyframe's right
-// image, local bundle adjustment and map writing have threads of their own. A frame that cannot be
+// stages on two threads, joined by a bounded queue: read and rectify | track; a keyframe's lines,
+// local bundle adjustment and map writing have threads of their own. A frame that cannot be
 // read is skipped with a warning. A sequence may still be recorded (LiveSequence). What a stage
 // throws ends the run and is rethrown here. `recorder` and `observer` may be empty. Once `stop` (if
 // given) is true, no further frame is read: those under way are finished, and the result is that of

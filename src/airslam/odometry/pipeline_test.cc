@@ -56,10 +56,11 @@ PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
                      bool detector_finds_lines = false, const OdometryOptions& options = {}) {
   cv::setNumThreads(1);  // as the program does; ThreadSanitizer cannot see into OpenCV's threads
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left({.lines = detector_finds_lines}), right({.lines = detector_finds_lines});
+  const SyntheticDetector::Options detection{.lines = detector_finds_lines};
+  SyntheticDetector detector(detection), line_detector(detection);
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {left, right, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {detector, line_detector, matcher}, recorder, {}, times);
 }
 
 SyntheticSequenceOptions Options(int frames) {
@@ -280,8 +281,8 @@ TEST(Pipeline, FeaturesAreDetectedWhereTheyAreNeeded) {
     if (index >= 8 && index < 14) pair = source.Read(8);
   });
   const StereoRectifier rectifier(sequence.rig());
-  CountingDetector left;
-  SyntheticDetector right;
+  CountingDetector detector;
+  SyntheticDetector line_detector;
   SyntheticMatcher matcher;
   StageTimes times;
   std::vector<bool> detected;
@@ -292,8 +293,8 @@ TEST(Pipeline, FeaturesAreDetectedWhereTheyAreNeeded) {
     }
   };
   const PipelineResult result =
-      RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, observe, times);
-  EXPECT_EQ(std::count(detected.begin(), detected.end(), true), left.calls);
+      RunPipeline(sequence, rectifier, {}, {detector, line_detector, matcher}, nullptr, observe, times);
+  EXPECT_EQ(std::count(detected.begin(), detected.end(), true), detector.calls);
   for (int i = 9; i < 14; ++i) EXPECT_FALSE(detected[i]) << i;  // patches alone
   for (const FrameRecord& record : result.records) EXPECT_TRUE(record.has_pose());
 }
@@ -305,10 +306,12 @@ TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   SyntheticDetector works({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
-               std::runtime_error);
-  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
-               std::runtime_error);
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
+      std::runtime_error);
+  EXPECT_THROW(
+      RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
+      std::runtime_error);
 }
 
 TEST(Pipeline, StopsInOrderWhenAsked) {
@@ -317,11 +320,11 @@ TEST(Pipeline, StopsInOrderWhenAsked) {
   std::atomic<bool> stop = false;
   const SpoiltSequence sequence(source, [&](int index, StereoPair&) { stop = index >= 9; });
   const StereoRectifier rectifier(sequence.rig());
-  SyntheticDetector left, right;
+  SyntheticDetector detector, line_detector;
   SyntheticMatcher matcher;
   StageTimes times;
-  const PipelineResult result =
-      RunPipeline(sequence, rectifier, {}, {left, right, matcher}, nullptr, {}, times, &stop);
+  const PipelineResult result = RunPipeline(
+      sequence, rectifier, {}, {detector, line_detector, matcher}, nullptr, {}, times, &stop);
   ASSERT_EQ(result.records.size(), 10u);  // frame 9 was under way
   const Trajectory online = OnlineTrajectory(result, 0), expected = OnlineTrajectory(whole, 0);
   ASSERT_EQ(online.size(), 10u);
