@@ -9,26 +9,27 @@ import argparse
 import importlib
 import sys
 
-# Command -> its module, and what it does, for the help text even where its module cannot be imported.
+# Command -> its module, what it does, for the help text even where its module cannot be imported, and the
+# optional dependencies of pyproject.toml that it needs.
 # A module must not be called like a function of the package: importing it would hide the function.
 COMMANDS = {
-    "run": ("run_command", "map a sequence or a bag, with a live view if wanted"),
-    "view": ("view", "look at a map"),
-    "report": ("report", "a page of pictures and plots of a run"),
-    "convert": ("convert", "a bag as a folder of images"),
+    "run": ("run_command", "map a sequence or a bag, with a live view if wanted", "view"),
+    "view": ("view", "look at a map", "view"),
+    "report": ("report", "a page of pictures and plots of a run", "report"),
+    "convert": ("convert", "a bag as a folder of images", "bags"),
 }
 
 
 def register(subparsers, command: str) -> None:
     """Adds the parser of a command; of one whose module cannot be imported, one that says why."""
-    name, purpose = COMMANDS[command]
+    name, purpose, extra = COMMANDS[command]
     try:
         module = importlib.import_module(f"airslam.{name}")
         parser = module.add_parser(subparsers)
         parser.set_defaults(main=module.main, checks_arguments=True)
     except ImportError as error:
         parser = subparsers.add_parser(command, help=purpose, add_help=False)
-        sentence = f"the command {command} is not available: {error}"
+        sentence = f"the command {command} needs more than is installed ({error}): pip install '.[{extra}]'"
         parser.set_defaults(main=lambda args: fail(sentence), checks_arguments=False)
 
 

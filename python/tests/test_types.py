@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import sys
 from pathlib import Path
 
 import pytest
@@ -28,3 +29,11 @@ def test_commands_hide_no_function(capsys: pytest.CaptureFixture) -> None:
         main(["--help"])  # imports the module of every command
     assert ended.value.code == 0 and "run" in capsys.readouterr().out
     assert all(callable(getattr(airslam, name)) for name in airslam.__all__)
+
+
+def test_a_command_without_its_packages_says_what_to_install(
+        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    monkeypatch.setitem(sys.modules, "airslam.view", None)  # as if it could not be imported
+    assert main(["view", "map.db", "--whatever"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and said.endswith("pip install '.[view]'\n")
