@@ -49,8 +49,8 @@ def read(path) -> dict[str, np.ndarray]:
 
 
 def curves() -> None:
-    """Losses and validation of both runs; the csv logs are copied beside the pictures."""
-    for name in ("plnet", "lines", "matcher"):
+    """Losses and validation of every run; the csv logs are copied beside the pictures."""
+    for name in ("plnet", "lines", "lines_ends", "matcher"):
         folder = CACHE / "runs" / name
         if not (folder / "validation.csv").exists():
             continue
@@ -66,8 +66,9 @@ def curves() -> None:
         for s in sets:
             part = slice(None) if s is None else validation["set"] == s
             for k, v in validation.items():
-                if k not in ("step", "set", "correct", "correct_dark"):
-                    right.plot(validation["step"][part], v[part], ".-", label=k if s is None else f"{s} {k}", lw=0.9)
+                if k not in ("step", "set", "correct", "correct_dark", "count"):
+                    share = v[part] / 100 if k.endswith("sap10") else v[part]
+                    right.plot(validation["step"][part], share, ".-", label=k if s is None else f"{s} {k}", lw=0.9)
         right.set(xlabel="step", title="held-out photos and scenes", ylim=(0, 1))
         left.legend(fontsize=7), right.legend(fontsize=6)
         figure.tight_layout()

@@ -19,7 +19,7 @@ from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from .cache import CACHE
-from .lines import EXTRA, JUNCTION, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck
+from .lines import END_OFFSETS, JUNCTION, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck, classifier_size
 from .matcher import Matcher, MatcherConfig
 from .networks import PLNet, PLNetConfig
 from .quantize import FLOAT, FLOAT_NECK, features, photos, quantize
@@ -121,7 +121,7 @@ def export_lines(net: PLNet, module: LineModule, path: Path, classifier: Path) -
     axes = {name: {1: f"h_{name}", 2: f"w_{name}"} for name in MAPS}
     axes |= {name: {2: "H4", 3: "W4"} for name in ("line_field", "junction_maps")} | {"line_features": {0: "cells"}}
     write_onnx(fold_batch_norms(SplitNeck(module.neck)), path, inputs, ["line_field", "junction_maps", "line_features"], axes)
-    size = module.config.samples * module.config.pooled + EXTRA
+    size = classifier_size(module.config)
     write_onnx(copy.deepcopy(module.classifier.layers).eval(), classifier, {"features": (2, size)}, ["logits"],
                {"features": {0: "N"}, "logits": {0: "N"}})
 
@@ -173,9 +173,9 @@ def file_entry(path: Path) -> dict:
 def lines_entry(pack: Path, c: LineConfig = LineConfig(), o: DecoderOptions = DecoderOptions()) -> dict:
     """What the manifest says of the line module that lies in `pack`."""
     return {**file_entry(pack / "line_neck.onnx"), "field": "line_field", "junctions": "junction_maps", "stride": STRIDE,
-            "pooled": [{"output": "line_features", "channels": c.pooled, "stride": STRIDE, "samples": c.samples}],
+            "pooled": [{"output": "line_features", "channels": c.pooled, "stride": STRIDE, "samples": c.samples, "end_offsets": END_OFFSETS}],
             "reach": REACH, "min_confidence": o.confidence, "min_junction": o.junction, "max_junctions": o.junctions, "snap": o.snap,
-            "min_support": o.support, "double_radius": o.double, "max_proposals": o.proposals,
+            "min_support": o.support, "double_radius": o.double, "overlap_radius": o.overlap, "max_proposals": o.proposals,
             "classifier": {**file_entry(pack / "line_classifier.onnx"), "input": "features", "output": "logits"}}
 
 
@@ -225,7 +225,8 @@ def main() -> None:
         if not checkpoint.exists():
             continue
         state = torch.load(checkpoint, map_location="cpu", weights_only=True)
-        training[name] = {"config": f"training/config/{name}.yaml", "seed": state["config"]["seed"], "steps": state["step"]}
+        start = state["config"].get("start")  # what config/lines.yaml trained was gone on with
+        training[name] = {"config": f"training/config/{name}{'_ends' if start else ''}.yaml", "seed": state["config"]["seed"], "steps": state["step"]}
         if name == "plnet":
             with scratch("plnet.onnx") as raw:
                 export_plnet(load_plnet(checkpoint), raw)

@@ -39,7 +39,7 @@ class LineConfig:
     n4: int = 2
     pooled: int = 16
     samples: int = 32
-    hidden: int = 96
+    hidden: int = 128
 
     def to_dict(self) -> dict:
         return asdict(self)
@@ -101,6 +101,7 @@ class DecoderOptions:
     support: float = 0.75  # two junctions are a proposal, too, when so much of the way between them agrees
     proposals: int = 4096
     double: float = 12.0  # pixels: a line whose ends lie so near to those of a surer one is left out
+    overlap: float = 8.0  # pixels: surer lines along one so near to it lower its score
 
 
 SUPPORT_SAMPLES = 16
@@ -209,26 +210,51 @@ def propose(field: Tensor, maps: Tensor, o: DecoderOptions) -> tuple[Tensor, Ten
     return points[pair].reshape(-1, 4), extra, pair, junctions
 
 
-def sample_along(maps: Tensor, ends: Tensor, samples: int = LineConfig.samples, stride: int = STRIDE) -> Tensor:
-    """Bilinear samples at equal steps from end to end: maps C x h x w, ends N x 4 in pixels -> N x samples * C."""
-    t = torch.linspace(0, 1, samples, device=ends.device)[None, :, None]
-    points = ends[:, None, :2] * (1 - t) + ends[:, None, 2:] * t
-    size = torch.tensor([maps.shape[2], maps.shape[1]], device=ends.device)
+# Pixels from an end into the segment where the classifier looks, too: whether the line goes on beyond tells a true end.
+END_OFFSETS = (-32.0, -20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0, 32.0)
+
+
+def sample_at(maps: Tensor, points: Tensor, stride: int = STRIDE) -> Tensor:
+    """Bilinear samples: maps C x h x w, points N x S x 2 in pixels -> N x S * C."""
+    size = torch.tensor([maps.shape[2], maps.shape[1]], device=points.device)
     grid = (points + 0.5) / (stride * size) * 2 - 1
     sampled = F.grid_sample(maps[None], grid[None], mode="bilinear", padding_mode="border", align_corners=False)
     return sampled[0].permute(1, 2, 0).flatten(1)
 
 
+def sample_along(maps: Tensor, ends: Tensor, samples: int = LineConfig.samples) -> Tensor:
+    """Samples at equal steps from end to end: maps C x h x w, ends N x 4 in pixels -> N x samples * C."""
+    t = torch.linspace(0, 1, samples, device=ends.device)[None, :, None]
+    return sample_at(maps, ends[:, None, :2] * (1 - t) + ends[:, None, 2:] * t)
+
+
+def sample_ends(maps: Tensor, ends: Tensor) -> Tensor:
+    """Samples at END_OFFSETS from the first end, then from the second: N x 2 * len(END_OFFSETS) * C."""
+    into = F.normalize(ends[:, 2:] - ends[:, :2], dim=1)[:, None]
+    off = torch.tensor(END_OFFSETS, device=ends.device)[None, :, None]
+    return sample_at(maps, torch.cat([ends[:, None, :2] + into * off, ends[:, None, 2:] - into * off], 1))
+
+
+def classifier_features(maps: Tensor, ends: Tensor, extra: Tensor, samples: int = LineConfig.samples) -> Tensor:
+    """What the classifier reads of proposals: maps C x h x w, ends N x 4, extra N x EXTRA -> N x D."""
+    return torch.cat([sample_along(maps, ends, samples), extra, sample_ends(maps, ends)], 1)
+
+
+def classifier_size(c: LineConfig) -> int:
+    """D of classifier_features."""
+    return (c.samples + 2 * len(END_OFFSETS)) * c.pooled + EXTRA
+
+
 class LineClassifier(nn.Module):
-    """Is a proposal a line? Features sampled along it (N x samples x pooled) and EXTRA numbers -> logits N."""
+    """Is a proposal a line? classifier_features N x D -> logits N."""
 
     def __init__(self, c: LineConfig):
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(c.samples * c.pooled + EXTRA, c.hidden), nn.ReLU(inplace=True),
+        self.layers = nn.Sequential(nn.Linear(classifier_size(c), c.hidden), nn.ReLU(inplace=True),
                                     nn.Linear(c.hidden, c.hidden), nn.ReLU(inplace=True), nn.Linear(c.hidden, 1))
 
     def forward(self, features: Tensor) -> Tensor:
-        """N x (samples * C + EXTRA) -> N."""
+        """N x D -> N."""
         return self.layers(features)[:, 0]
 
 
@@ -243,6 +269,26 @@ def without_doubles(lines: Tensor, radius: float) -> Tensor:
     return lines[keep]
 
 
+def discount_overlaps(lines: Tensor, radius: float) -> Tensor:
+    """Lines N x 5, best first -> N x 5, the score of each times (1 - score * intersection over union) for every better one
+    along the same line, best first: of several guesses at the ends of one line at most one is right."""
+    p, q, score = lines[:, :2], lines[:, 2:4], lines[:, 4]
+    length = (q - p).norm(dim=1).clamp_min(1e-6)
+    along = (q - p) / length[:, None]
+
+    def seen(points):  # of each line (rows): where the points (columns) lie along it and how far across
+        d = points[None] - p[:, None]
+        return (d * along[:, None]).sum(2), (d[..., 1] * along[:, None, 0] - d[..., 0] * along[:, None, 1]).abs()
+
+    (a, across_a), (b, across_b) = seen(p), seen(q)
+    common = (torch.minimum(torch.maximum(a, b), length[:, None]) - torch.minimum(a, b).clamp_min(0)).clamp_min(0)
+    distance = torch.maximum(across_a, across_b)
+    overlap = common / (length[:, None] + length[None] - common) * (torch.minimum(distance, distance.T) < radius)
+    factor = (1 - score[:, None] * torch.triu(overlap, 1)).prod(0)
+    discounted = torch.cat([lines[:, :4], (score * factor)[:, None]], 1)
+    return discounted[torch.sort(discounted[:, 4], descending=True, stable=True).indices]
+
+
 class LineModule(nn.Module):
     """All that is trained in the second round."""
 
@@ -254,7 +300,7 @@ class LineModule(nn.Module):
 
     def classify(self, pooled: Tensor, ends: Tensor, extra: Tensor) -> Tensor:
         """Logits N of the proposals of one image, pooled C x h x w."""
-        return self.classifier(torch.cat([sample_along(pooled, ends, self.config.samples), extra], 1))
+        return self.classifier(classifier_features(pooled, ends, extra, self.config.samples))
 
     @torch.no_grad()
     def detect(self, features, o: DecoderOptions = DecoderOptions()) -> tuple[Tensor, Tensor]:
@@ -263,4 +309,5 @@ class LineModule(nn.Module):
         ends, extra, _, junctions = propose(field, maps, o)
         score = torch.sigmoid(self.classify(pooled, ends, extra)) if len(ends) else ends.new_zeros(0)
         order = torch.sort(score, descending=True, stable=True).indices
-        return without_doubles(torch.cat([ends, score[:, None]], 1)[order], o.double), junctions
+        lines = without_doubles(torch.cat([ends, score[:, None]], 1)[order], o.double)
+        return discount_overlaps(lines, o.overlap), junctions

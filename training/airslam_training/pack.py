@@ -12,7 +12,7 @@ import torch
 from .augment import standardize
 from .export import MAPS, PACK
 from .geometry import refine_keypoints, sample_map, select_keypoints
-from .lines import STRIDE, DecoderOptions, propose, sample_along, without_doubles
+from .lines import STRIDE, DecoderOptions, classifier_features, discount_overlaps, propose, without_doubles
 
 
 class PackNetworks:
@@ -55,8 +55,8 @@ class PackNetworks:
         h, w = found["line_field"].shape[2:]
         ends, extra, _, _ = propose(*[torch.from_numpy(found[n][0]) for n in ("line_field", "junction_maps")], options)
         pooled = torch.from_numpy(found["line_features"].reshape(h, w, -1).transpose(2, 0, 1).copy())
-        features = torch.cat([sample_along(pooled, ends), extra], 1)
+        features = classifier_features(pooled, ends, extra)
         score = torch.sigmoid(torch.from_numpy(self.networks["line_classifier"]({"features": features.numpy()})["logits"]))
         lines = torch.cat([ends, score], 1)
         order = torch.sort(lines[:, 4], descending=True, stable=True).indices
-        return without_doubles(lines[order], options.double).numpy()
+        return discount_overlaps(without_doubles(lines[order], options.double), options.overlap).numpy()

@@ -22,7 +22,7 @@ from .cache import CACHE
 from .export import load_plnet
 from .line_data import Views, Wireframe, sources
 from .lines import REACH, DecoderOptions, LineConfig, LineModule, propose
-from .loop import append, average_gradients, launch, learning_rate, update_average
+from .loop import ROOT, append, average_gradients, launch, learning_rate, update_average
 from .validate_lines import validate_lines
 
 COLUMNS = ["step", "images", "loss", "confidence", "field", "ends", "heat", "offset", "classifier", "rate", "images_per_s"]
@@ -70,6 +70,19 @@ def label_proposals(ends: Tensor, segments: np.ndarray, hit: float, sharpness: f
     return value.amax(1).clamp_max(1)
 
 
+@torch.no_grad()
+def grow(net: torch.nn.Module, trained: dict[str, Tensor]) -> None:
+    """Takes over the weights of a smaller network so that this one begins as it ended: outputs that both have read their
+    old inputs with the old weights, and nothing of what is new; new outputs keep their random weights."""
+    for name, value in net.state_dict().items():
+        old = trained[name]
+        if value.shape == old.shape:
+            value.copy_(old)
+            continue
+        value[:len(old)] = 0
+        value[tuple(slice(n) for n in old.shape)] = old
+
+
 class Trainer:
     """Frozen backbone, line module, its moving average, optimizer and counters."""
 
@@ -79,6 +92,9 @@ class Trainer:
         plnet = load_plnet(CACHE / "runs" / config["backbone"] / "checkpoint.pt").to(device)
         self.backbone = plnet.backbone.requires_grad_(False).to(memory_format=torch.channels_last)
         self.net = LineModule(plnet.config, LineConfig(**config["network"])).to(device, memory_format=torch.channels_last)
+        if config["start"]:
+            state = torch.load(ROOT / config["start"], map_location=device, weights_only=True)
+            grow(self.net, state["average"])
         self.average = copy.deepcopy(self.net).eval()
         self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-3, weight_decay=config["weight_decay"])
         self.step = self.images = 0
@@ -102,8 +118,6 @@ class Trainer:
         """Binary cross-entropy of proposals against the labels' scores, all images alike."""
         logits, goals = [], []
         for i, labels in enumerate(segments):
-            if (i + self.step) % 2:  # every other image: proposing takes time
-                continue
             with torch.no_grad():
                 ends, extra, _, _ = propose(field[i], maps[i], self.options)
                 chosen = torch.from_numpy(self.rng.permutation(len(ends))[:self.c["proposals"]])
@@ -122,7 +136,7 @@ class Trainer:
         target, junctions = [torch.from_numpy(b).to(self.device) for b in batch[2:]]
         x = augment.standardize(augment.alter(image, self.generator, c["alter"]))
         x = x.contiguous(memory_format=torch.channels_last)
-        with torch.autocast(self.device.type, torch.bfloat16):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=c["bf16"]):
             with torch.no_grad():
                 features = self.backbone(x)
             field, maps, pooled = self.net.neck(*features)

@@ -13,12 +13,13 @@ from airslam_training.export import MAPS, PACK, export_lines
 from airslam_training.line_data import Wireframe, clip_segments, encode, warp_segments
 from airslam_training.line_labels import (PHOTOS, end_distance, join_ends, merge_views, read_packed, read_wireframe, refine,
                                           visibility, without_doubles, write_packed)
-from airslam_training.lines import EXTRA, REACH, DecoderOptions, LineModule, decode_field, find_junctions, propose
+from airslam_training.lines import (END_OFFSETS, EXTRA, REACH, DecoderOptions, LineConfig, LineModule, classifier_features,
+                                    classifier_size, decode_field, discount_overlaps, find_junctions, propose, sample_ends)
 from airslam_training.loop import ROOT
 from airslam_training.networks import PLNet
 from airslam_training.pack import PackNetworks
 from airslam_training.procedural import make_views
-from airslam_training.train_lines import field_losses, junction_losses, label_proposals
+from airslam_training.train_lines import field_losses, grow, junction_losses, label_proposals
 from airslam_training.validate_lines import average_precision, hits
 from test_export import shake
 
@@ -137,6 +138,38 @@ def annotation(tmp_path, name="00031546", **change):
     path = tmp_path / f"{name}.json"
     path.write_text(json.dumps({**data, **change}))
     return path
+
+
+def test_the_classifier_sees_beyond_the_ends():
+    # The map says where a pixel lies: channel 0 its x, channel 1 its y.
+    y, x = torch.meshgrid(torch.arange(40.0) * 4 + 1.5, torch.arange(60.0) * 4 + 1.5, indexing="ij")
+    ends = torch.tensor([[60.0, 80, 120, 80], [80, 60, 110, 100]])
+    seen = sample_ends(torch.stack([x, y]), ends).view(2, 2, len(END_OFFSETS), 2)
+    off = torch.tensor(END_OFFSETS)
+    assert torch.allclose(seen[0, 0, :, 0], 60 + off, atol=1e-3) and torch.allclose(seen[0, 1, :, 0], 120 - off, atol=1e-3)
+    assert torch.allclose(seen[0, ..., 1], torch.tensor(80.0), atol=1e-3)
+    assert torch.allclose(seen[1, 1], torch.stack([110 - 0.6 * off, 100 - 0.8 * off], 1), atol=1e-3)
+    features = classifier_features(torch.stack([x, y]), ends, torch.zeros(2, EXTRA))
+    assert features.shape == (2, classifier_size(LineConfig(pooled=2)))
+
+
+def test_a_grown_classifier_begins_as_the_small_one_ended():
+    torch.manual_seed(3)
+    module, config = LineModule(), LineConfig()
+    hidden, read = config.hidden - 32, config.samples * config.pooled + EXTRA
+    small = torch.nn.Sequential(torch.nn.Linear(read, hidden), torch.nn.ReLU(), torch.nn.Linear(hidden, hidden),
+                                torch.nn.ReLU(), torch.nn.Linear(hidden, 1))
+    trained = module.state_dict() | {f"classifier.layers.{k}": v for k, v in small.state_dict().items()}
+    grow(module, {k: v.clone() for k, v in trained.items()})
+    features = torch.randn(20, classifier_size(config))
+    assert torch.allclose(module.classifier(features), small(features[:, :read])[:, 0], atol=1e-5)
+
+
+def test_of_several_guesses_at_a_lines_ends_the_surest_keeps_its_score():
+    lines = torch.tensor([[0, 60, 100, 60, 0.9], [0, 0, 100, 0, 0.8], [0, 0, 50, 2, 0.5], [0, 0, 100, 60, 0.3]])
+    found = discount_overlaps(lines, 8.0)
+    assert torch.allclose(found[:, 4], torch.tensor([0.9, 0.8, 0.5 * (1 - 0.8 * 0.5), 0.3]), atol=1e-3)
+    assert torch.equal(discount_overlaps(lines, 0.0), lines) and discount_overlaps(lines[:0], 8.0).shape == (0, 5)
 
 
 def test_the_wireframe_format_is_read(tmp_path):

@@ -96,8 +96,7 @@ std::optional<double> SearchRow(const cv::Mat& reference, const cv::Mat& image, 
       std::max_element(correlations.begin(), correlations.end()) - correlations.begin();
   // A best place at the border may be the slope of a better one beyond.
   if (correlations[best] < options.min_correlation || best == 0 ||
-      best + 1 == correlations.size() ||
-      IsAmbiguous(correlations, best, options.max_ambiguity)) {
+      best + 1 == correlations.size() || IsAmbiguous(correlations, best, options.max_ambiguity)) {
     return std::nullopt;
   }
   const double before = correlations[best - 1], after = correlations[best + 1];

@@ -15,8 +15,9 @@ struct RowSearchOptions {
 
 // Seeks the 11x11 patch around (`column`, `row`) of `reference` in the same row of `image`, from
 // column `first` to column `last`. Returns the column, between two by the parabola through the best
-// three; nothing where the patch has no texture, leaves an image, correlates too little, best at the
-// end of the range or nearly as well at a second place. Images are CV_8UC1 and of the same size.
+// three; nothing where the patch has no texture, leaves an image, correlates too little, best at
+// the end of the range or nearly as well at a second place. Images are CV_8UC1 and of the same
+// size.
 std::optional<double> SearchRow(const cv::Mat& reference, const cv::Mat& image, int column, int row,
                                 int first, int last, const RowSearchOptions& options);
 

@@ -47,9 +47,9 @@ DisparityLine Consensus(std::span<const Sample> samples, double max_residual) {
   for (std::size_t i = 0; i < samples.size(); ++i) {
     for (std::size_t j = i + 1; j < samples.size(); ++j) {
       const DisparityLine line = Through(samples[i], samples[j]);
-      const auto agree = std::count_if(
-          samples.begin(), samples.end(),
-          [&](const Sample& sample) { return line.Residual(sample) <= max_residual; });
+      const auto agree = std::count_if(samples.begin(), samples.end(), [&](const Sample& sample) {
+        return line.Residual(sample) <= max_residual;
+      });
       if (agree > most) {
         most = agree;
         best = line;
@@ -91,8 +91,8 @@ class LineSearch {
 
   std::optional<LineSegment> Find(double max_disparity) const {
     if (samples_ == 0) return std::nullopt;
-    const auto coarse = Fitted(
-        Seek(1, [&](double) { return std::pair(-4.0, max_disparity); }), options_.max_residual);
+    const auto coarse = Fitted(Seek(1, [&](double) { return std::pair(-4.0, max_disparity); }),
+                               options_.max_residual);
     if (!coarse) return std::nullopt;
     constexpr double kAround = 3;  // pixels: what a half-resolution pixel and its fit may be off
     const auto fine = Fitted(Seek(0,
@@ -119,10 +119,10 @@ class LineSearch {
       const int column = static_cast<int>(std::lround(x / scale));
       const int row = static_cast<int>(std::lround(y / scale));
       const auto [least, most] = range(place);
-      const auto match = SearchRow(left_.levels[level], right_.levels[level], column, row,
-                                   static_cast<int>(std::floor(column - most / scale)),
-                                   static_cast<int>(std::ceil(column - least / scale)),
-                                   options_.search);
+      const auto match =
+          SearchRow(left_.levels[level], right_.levels[level], column, row,
+                    static_cast<int>(std::floor(column - most / scale)),
+                    static_cast<int>(std::ceil(column - least / scale)), options_.search);
       if (match) found.push_back({place, scale * (column - *match)});
     }
     return found;

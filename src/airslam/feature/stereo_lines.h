@@ -12,12 +12,12 @@
 namespace airslam {
 
 struct StereoLineOptions {
-  double spacing = 10.0;          // pixels between the samples along a line
-  double min_slope = 0.2;         // rows a pixel of length: a level line slides along itself
-  double min_depth = 0.3;         // metres: bounds the disparity
-  double max_residual = 1.5;      // pixels, at half resolution's precision
-  double max_fine_residual = 1.0; // pixels, at full resolution
-  double min_share = 0.6;         // of a line's samples that must agree
+  double spacing = 10.0;           // pixels between the samples along a line
+  double min_slope = 0.2;          // rows a pixel of length: a level line slides along itself
+  double min_depth = 0.3;          // metres: bounds the disparity
+  double max_residual = 1.5;       // pixels, at half resolution's precision
+  double max_fine_residual = 1.0;  // pixels, at full resolution
+  double min_share = 0.6;          // of a line's samples that must agree
   RowSearchOptions search;
 };
 

@@ -40,10 +40,9 @@ void AlignRight(const StereoView& view, std::span<const double> guesses, double 
   for (std::size_t i = 0; i < guesses.size(); ++i) {
     if (guesses[i] < 0 || right_x[i] >= 0) continue;
     const Eigen::Vector2d left(view.left_keypoints[i].x, view.left_keypoints[i].y);
-    const PatchAlignment aligned =
-        AlignPatch(view.left_image.levels[level], left / scale, Eigen::Matrix2d::Identity(),
-                   view.right_image.levels[level],
-                   Eigen::Vector2d(guesses[i], left.y()) / scale, alignment);
+    const PatchAlignment aligned = AlignPatch(
+        view.left_image.levels[level], left / scale, Eigen::Matrix2d::Identity(),
+        view.right_image.levels[level], Eigen::Vector2d(guesses[i], left.y()) / scale, alignment);
     const Eigen::Vector2d right = scale * aligned.pixel;
     const double disparity = left.x() - right.x();
     if (aligned.converged && disparity >= options.min_disparity && disparity <= max_disparity &&
@@ -70,8 +69,7 @@ std::vector<float> MatchStereo(const StereoView& view, const StereoCamera& stere
   }
   std::vector<float> right_x(guesses.size(), -1.0f);
   AlignRight(view, guesses, max_disparity, 0, options, right_x);
-  const auto found =
-      std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
+  const auto found = std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
   if (found < options.coarse_below) {
     AlignRight(view, guesses, max_disparity, 1, options, right_x);
   }

@@ -16,8 +16,8 @@ struct StereoMatchingOptions {
   // Pixels, after alignment. What is off its row is off its column, too: on the warehouse sequences
   // 1.0 gave errors larger by a tenth.
   double max_row_difference = 0.5;
-  double min_depth = 0.3;            // metres: bounds the disparity
-  double min_disparity = 0.3;        // pixels: below it the depth is unknown
+  double min_depth = 0.3;      // metres: bounds the disparity
+  double min_disparity = 0.3;  // pixels: below it the depth is unknown
   // With fewer matches at full resolution than this, those at half resolution, where noise is
   // weaker, count as well.
   int coarse_below = 80;

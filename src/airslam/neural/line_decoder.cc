@@ -250,6 +250,49 @@ bool IsPeak(const LineMaps& maps, int row, int column) {
   return true;
 }
 
+// Indices of the scores, the surest first; of equal ones the first.
+std::vector<std::size_t> SurestFirst(std::span<const float> scores) {
+  std::vector<std::size_t> order(scores.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
+  return order;
+}
+
+// A line's image between its ends.
+class Stretch {
+ public:
+  Stretch(const Keypoint& start, const Keypoint& end)
+      : start_(start), end_(end), length_(std::hypot(end.x - start.x, end.y - start.y)) {
+    along_x_ = (end.x - start.x) / std::max(length_, 1e-6F);
+    along_y_ = (end.y - start.y) / std::max(length_, 1e-6F);
+  }
+
+  // Intersection over union with another one along this one; 0 where they do not lie on one line.
+  float Overlap(const Stretch& other, float radius) const {
+    if (std::min(Distance(other), other.Distance(*this)) >= radius) return 0;
+    const float a = Along(other.start_), b = Along(other.end_);
+    const float common = std::min(std::max(a, b), length_) - std::max(std::min(a, b), 0.0F);
+    if (common <= 0) return 0;
+    return common / (length_ + other.length_ - common);
+  }
+
+ private:
+  float Along(const Keypoint& point) const {
+    return (point.x - start_.x) * along_x_ + (point.y - start_.y) * along_y_;
+  }
+  float Across(const Keypoint& point) const {
+    return std::abs((point.y - start_.y) * along_x_ - (point.x - start_.x) * along_y_);
+  }
+  // Of the other's farther end from this one, endless.
+  float Distance(const Stretch& other) const {
+    return std::max(Across(other.start_), Across(other.end_));
+  }
+
+  Keypoint start_, end_;
+  float length_, along_x_, along_y_;
+};
+
 }  // namespace
 
 void LineDecoderOptions::Validate() const {
@@ -266,6 +309,8 @@ void LineDecoderOptions::Validate() const {
   check(snap > 0 && std::isfinite(snap), "snap", snap, "a positive number");
   check(min_support > 0 && min_support <= 1, "min_support", min_support, "more than 0, at most 1");
   check(max_proposals >= 1, "max_proposals", max_proposals, "at least 1");
+  check(overlap_radius >= 0 && std::isfinite(overlap_radius), "overlap_radius", overlap_radius,
+        "at least 0 pixels");
   check(double_radius >= 0 && std::isfinite(double_radius), "double_radius", double_radius,
         "a number of at least 0");
   check(mask_border >= 0, "mask_border", mask_border, "at least 0");
@@ -345,10 +390,6 @@ std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Key
 std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals,
                                    std::span<const float> scores, float radius, float min_score) {
-  std::vector<std::size_t> order(proposals.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
   const auto squared = [&](int i, int j) {
     const Keypoint& p = junctions[static_cast<std::size_t>(i)];
     const Keypoint& q = junctions[static_cast<std::size_t>(j)];
@@ -356,7 +397,7 @@ std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
   };
   std::vector<float> result(proposals.size(), -1.0F);
   std::vector<std::size_t> kept;
-  for (const std::size_t i : order) {
+  for (const std::size_t i : SurestFirst(scores)) {
     if (!(scores[i] >= min_score)) break;
     const LineProposal& a = proposals[i];
     const bool is_double = std::any_of(kept.begin(), kept.end(), [&](std::size_t k) {
@@ -367,6 +408,26 @@ std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
     if (is_double) continue;
     kept.push_back(i);
     result[i] = scores[i];
+  }
+  return result;
+}
+
+std::vector<float> DiscountOverlaps(std::span<const Keypoint> junctions,
+                                    std::span<const LineProposal> proposals,
+                                    std::span<const float> scores, float radius) {
+  std::vector<float> result(scores.begin(), scores.end());
+  std::vector<Stretch> surer;
+  std::vector<float> surer_scores;
+  for (const std::size_t i : SurestFirst(scores)) {
+    if (!(scores[i] > 0)) break;
+    const LineProposal& proposal = proposals[i];
+    const Stretch stretch(junctions[static_cast<std::size_t>(proposal.start)],
+                          junctions[static_cast<std::size_t>(proposal.end)]);
+    for (std::size_t k = 0; k < surer.size(); ++k) {
+      result[i] *= 1 - surer_scores[k] * surer[k].Overlap(stretch, radius);
+    }
+    surer.push_back(stretch);
+    surer_scores.push_back(scores[i]);
   }
   return result;
 }

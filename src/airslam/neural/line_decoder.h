@@ -30,6 +30,9 @@ struct LineDecoderOptions {
   // photos and scenes at 480 rows, sAP10 without / 8 / 12 / 17 pixels: 39.4 / 40.7 / 42.5 / 41.4
   // and 36.3 / 37.3 / 38.1 / 36.5.
   float double_radius = 12;
+  // Pixels, >= 0: see DiscountOverlaps; 0 leaves it out. On held-out photos 4 / 8 pixels: 49.6
+  // / 49.9.
+  float overlap_radius = 8;
   // A junction is at least so many pixels away from masked pixels (>= 0), and so is all of a line
   // but for `max_masked` (0..1) of its length.
   int mask_border = 4;
@@ -94,6 +97,16 @@ std::vector<LineProposal> ProposeLines(const LineMaps& maps, std::span<const Key
 std::vector<float> SuppressDoubles(std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals,
                                    std::span<const float> scores, float radius, float min_score);
+
+// The scores, each times (1 - score * overlap) for every surer proposal along the same line (of
+// equal ones the first): of several guesses at the ends of one line at most one is right. Along the
+// same line: the ends of one lie within `radius` pixels of the other, endless; overlap:
+// intersection over union along the surer one. A score below 0 neither lowers others nor changes.
+// With the overlaps sAP10 of what this network finds on held-out photos went from 49.0 to 49.9, in
+// rooms from 41.2 to 41.4.
+std::vector<float> DiscountOverlaps(std::span<const Keypoint> junctions,
+                                    std::span<const LineProposal> proposals,
+                                    std::span<const float> scores, float radius);
 
 // Fills lines, line_ends and junctions of `detections`, which are empty before: the proposals of at
 // least `min_score`, best first (ties by junction indices), and the junctions that are ends of

@@ -261,6 +261,23 @@ TEST(KeepLines, SortsAndKeepsTheirJunctions) {
   EXPECT_TRUE(none.lines.empty() && none.junctions.empty());
 }
 
+TEST(DiscountOverlaps, AGuessAtOtherEndsOfALineLosesWhatTheSurerOneHolds) {
+  const std::vector<Keypoint> junctions = {{0, 0, 1},   {100, 0, 1}, {50, 2, 1},
+                                           {150, 1, 1}, {0, 60, 1},  {100, 60, 1}};
+  const std::vector<LineProposal> proposals = {{0, 1}, {0, 2}, {2, 3}, {4, 5}, {0, 5}, {1, 0}};
+  const std::vector<float> scores = {0.8F, 0.5F, 0.4F, 0.9F, 0.3F, -1};
+  const std::vector<float> discounted = DiscountOverlaps(junctions, proposals, scores, 8);
+  EXPECT_EQ(discounted[0], 0.8F);  // of its line the surest
+  EXPECT_NEAR(discounted[1], 0.5 * (1 - 0.8 * 0.5), 1e-3);
+  // Half of it lies on the first, none on the second: 50 of 150 and 0.
+  EXPECT_NEAR(discounted[2], 0.4 * (1 - 0.8 / 3), 1e-3);
+  EXPECT_EQ(discounted[3], 0.9F);  // of the same direction, elsewhere
+  EXPECT_EQ(discounted[4], 0.3F);  // across
+  EXPECT_EQ(discounted[5], -1);
+  EXPECT_EQ(DiscountOverlaps(junctions, proposals, scores, 0), scores);
+  EXPECT_TRUE(DiscountOverlaps(junctions, {}, {}, 8).empty());
+}
+
 // Maps, and what training/airslam_training/lines.py makes of them (testdata/make_line_case.py).
 TEST(LineDecoder, AgreesWithTheTrainingCode) {
   std::ifstream stream(AIRSLAM_SOURCE_DIR "/src/airslam/neural/testdata/line_case.json");
@@ -292,7 +309,23 @@ TEST(LineDecoder, AgreesWithTheTrainingCode) {
                   junctions[static_cast<std::size_t>(lines[i].end)], samples, out.data());
     EXPECT_THAT(out, testing::Pointwise(testing::FloatNear(1e-3F),
                                         data["along"][i].get<std::vector<float>>()));
+    const auto offsets = data["end_offsets"].get<std::vector<float>>();
+    const std::size_t one = offsets.size() * static_cast<std::size_t>(channels);
+    std::vector<float> about_ends(2 * one);
+    const Keypoint& start = junctions[static_cast<std::size_t>(lines[i].start)];
+    const Keypoint& end = junctions[static_cast<std::size_t>(lines[i].end)];
+    PoolAtEnd({pooled.data(), width, height, channels, 4}, start, end, offsets, about_ends.data());
+    PoolAtEnd({pooled.data(), width, height, channels, 4}, end, start, offsets,
+              about_ends.data() + one);
+    EXPECT_THAT(about_ends, testing::Pointwise(testing::FloatNear(1e-3F),
+                                               data["about_ends"][i].get<std::vector<float>>()));
   }
+  std::vector<float> discounted =
+      DiscountOverlaps(junctions, lines, data["scores"].get<std::vector<float>>(),
+                       LineDecoderOptions().overlap_radius);
+  std::sort(discounted.rbegin(), discounted.rend());
+  EXPECT_THAT(discounted, testing::Pointwise(testing::FloatNear(1e-4F),
+                                             data["discounted"].get<std::vector<float>>()));
 }
 
 TEST(LineDecoderOptions, NamesTheWrongField) {

@@ -2,6 +2,7 @@
 #include "airslam/neural/map_sampling.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -98,6 +99,17 @@ void PoolAlongLine(const FeatureMap& map, const Keypoint& start, const Keypoint&
     const float t = static_cast<float>(i) / static_cast<float>(samples - 1);
     const float x = start.x + t * (end.x - start.x), y = start.y + t * (end.y - start.y);
     SampleCells(map, MakeTap(x, y, map, true), out);
+  }
+}
+
+void PoolAtEnd(const FeatureMap& map, const Keypoint& start, const Keypoint& end,
+               std::span<const float> offsets, float* out) {
+  const float x = end.x - start.x, y = end.y - start.y;
+  const float length = std::max(std::sqrt(x * x + y * y), 1e-12F);
+  for (const float offset : offsets) {
+    const float t = offset / length;
+    SampleCells(map, MakeTap(start.x + t * x, start.y + t * y, map, true), out);
+    out += map.channels;
   }
 }
 

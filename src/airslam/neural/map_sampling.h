@@ -34,6 +34,11 @@ void SampleAtKeypoints(const FeatureMap& map, std::span<const Keypoint> keypoint
 void PoolAlongLine(const FeatureMap& map, const Keypoint& start, const Keypoint& end, int samples,
                    float* out);
 
+// The same at places on the endless line through both ends, `offsets` pixels from `start` towards
+// `end`. out: offsets.size() * channels floats.
+void PoolAtEnd(const FeatureMap& map, const Keypoint& start, const Keypoint& end,
+               std::span<const float> offsets, float* out);
+
 // Scores of a map in cells, stride^2 channels (those of a cell's pixels, row by row), as one plane
 // of (height * stride) x (width * stride) values.
 void UnfoldCells(const FeatureMap& scores, float* plane);

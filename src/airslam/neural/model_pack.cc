@@ -74,6 +74,21 @@ class Section {
     return value.get<float>();
   }
 
+  // A list of numbers; empty where there is none of that name.
+  std::vector<float> Numbers(const std::string& key, double low, double high) const {
+    if (!object_.contains(key)) return {};
+    const json& values = object_.at(key);
+    const auto wrong = [&](const json& value) {
+      return !value.is_number() || value.get<double>() < low || value.get<double>() > high;
+    };
+    if (!values.is_array() || values.size() > 1024 ||
+        std::any_of(values.begin(), values.end(), wrong)) {
+      Fail("{}: '{}' is not a list of at most 1024 numbers from {} to {}", file_, Name(key), low,
+           high);
+    }
+    return values.get<std::vector<float>>();
+  }
+
   Section Sub(const std::string& key) const { return Section(At(key), file_, Name(key)); }
 
   // A number of pixels that divides `multiple`.
@@ -148,7 +163,8 @@ LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int mu
   spec.field = section.Text("field");
   spec.junctions = section.Text("junctions");
   for (const Section& pooled : section.List("pooled")) {
-    spec.pooled.push_back({ReadMap(pooled, multiple), pooled.Integer("samples", 2, 1024)});
+    spec.pooled.push_back({ReadMap(pooled, multiple), pooled.Integer("samples", 2, 1024),
+                           pooled.Numbers("end_offsets", -1e4, 1e4)});
   }
   spec.classifier = ReadRowNetwork(section.Sub("classifier"), folder);
   spec.decoder.stride = section.Divisor("stride", multiple);
@@ -159,6 +175,7 @@ LineNetworkSpec ReadLines(const Section& section, const fs::path& folder, int mu
   spec.decoder.snap = section.Number("snap", 0.1, 1e4);
   spec.decoder.min_support = section.Number("min_support", 1e-6, 1);
   spec.decoder.double_radius = section.Number("double_radius", 0, 1e4);
+  spec.decoder.overlap_radius = section.Number("overlap_radius", 0, 1e4);
   spec.decoder.max_proposals = section.Integer("max_proposals", 1, 65536);
   return spec;
 }

@@ -44,11 +44,14 @@ struct FeatureMapSpec {
 struct PooledMapSpec {
   FeatureMapSpec map;
   int samples = 32;  // along a line
+  // Pixels from an end into the line, negative beyond it, where either end is sampled, too.
+  std::vector<float> end_offsets;
 };
 
 // The network of lines: the maps of the feature network (its inputs are called like the feature
 // network's outputs, and are 1 x h x w x channels) -> the maps of lines (line_decoder.h), and the
-// classifier of proposals: what is pooled of each map in turn, and kLineExtras numbers -> a logit.
+// classifier of proposals -> a logit. It reads what is pooled along a line of each map in turn,
+// kLineExtras numbers, then of each map what is pooled about the start, and about the end.
 struct LineNetworkSpec {
   PackFile network;
   std::string field;                  // 1x6xhxw with h = H/decoder.stride, w = W/decoder.stride

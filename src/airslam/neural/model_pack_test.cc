@@ -105,6 +105,8 @@ TEST_F(ModelPackTest, ReadsEveryField) {
   EXPECT_EQ(lines.pooled[0].samples, 4);
   EXPECT_EQ(lines.pooled[1].map.stride, 8);
   EXPECT_EQ(lines.pooled[1].samples, 2);
+  EXPECT_TRUE(lines.pooled[0].end_offsets.empty());
+  EXPECT_EQ(lines.pooled[1].end_offsets, (std::vector<float>{-8, 2}));
   EXPECT_EQ(lines.classifier.network.path, (folder_ / "line_classifier.onnx").string());
   EXPECT_EQ(lines.classifier.input, "features");
   EXPECT_EQ(lines.classifier.output, "logits");
@@ -116,6 +118,7 @@ TEST_F(ModelPackTest, ReadsEveryField) {
   EXPECT_EQ(lines.decoder.snap, 12);
   EXPECT_EQ(lines.decoder.min_support, 1);
   EXPECT_EQ(lines.decoder.double_radius, 3);
+  EXPECT_EQ(lines.decoder.overlap_radius, 4);
   EXPECT_EQ(lines.decoder.max_proposals, 16);
   ASSERT_TRUE(pack.matcher.has_value());
   EXPECT_EQ(pack.matcher->keypoints, 8);
@@ -135,6 +138,11 @@ TEST_F(ModelPackTest, TheLineModuleMayBeAbsentButNotWrong) {
   EXPECT_FALSE(ReadModelPack(folder_.string()).features.lines.has_value());
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"].erase("classifier"); }),
               HasSubstr("'features.lines.classifier' is missing"));
+  for (const json& wrong : {json(3), json({1, "x"}), json({1e6})}) {
+    EXPECT_THAT(
+        ErrorWith([&](json& m) { m["features"]["lines"]["pooled"][1]["end_offsets"] = wrong; }),
+        HasSubstr("'features.lines.pooled[1].end_offsets' is not a list of at most 1024 numbers"));
+  }
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["pooled"][1]["samples"] = 1; }),
               HasSubstr("'features.lines.pooled[1].samples' is 1, expected an integer from 2"));
   EXPECT_THAT(ErrorWith([](json& m) { m["features"]["lines"]["stride"] = 5; }),

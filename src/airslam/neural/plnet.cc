@@ -148,9 +148,9 @@ void PlNet::LoadLines(Instance& instance) {
   network->RequireOutput(lines.field, {1, 6, h / s, w / s});
   network->RequireOutput(lines.junctions, {1, 3, h / s, w / s});
   int inputs = kLineExtras;
-  for (const auto& [map, samples] : lines.pooled) {
+  for (const auto& [map, samples, end_offsets] : lines.pooled) {
     network->RequireOutput(map.output, {h / map.stride * (w / map.stride), map.channels});
-    inputs += samples * map.channels;
+    inputs += (samples + 2 * static_cast<int>(end_offsets.size())) * map.channels;
   }
   if (!classifier_) {
     classifier_ = std::make_unique<RowNetwork>(lines.classifier, inputs, 1, loader_);
@@ -216,19 +216,28 @@ DescriptorMatrix PlNet::Describe(const ImageMaps& maps, std::span<const Keypoint
 std::vector<float> PlNet::Classify(const Instance& instance, std::span<const Keypoint> junctions,
                                    std::span<const LineProposal> proposals) {
   std::vector<FeatureMap> maps;
-  for (const auto& [map, samples] : spec_.lines->pooled) {
+  for (const PooledMapSpec& pooled : spec_.lines->pooled) {
+    const FeatureMapSpec& map = pooled.map;
     maps.push_back({instance.lines->Output(map.output).data, instance.width / map.stride,
                     instance.height / map.stride, map.channels, map.stride});
   }
   const auto fill = [&](int index, float* row) {
     const LineProposal& proposal = proposals[static_cast<std::size_t>(index)];
+    const Keypoint& start = junctions[static_cast<std::size_t>(proposal.start)];
+    const Keypoint& end = junctions[static_cast<std::size_t>(proposal.end)];
     for (std::size_t i = 0; i < maps.size(); ++i) {
       const int samples = spec_.lines->pooled[i].samples;
-      PoolAlongLine(maps[i], junctions[static_cast<std::size_t>(proposal.start)],
-                    junctions[static_cast<std::size_t>(proposal.end)], samples, row);
+      PoolAlongLine(maps[i], start, end, samples, row);
       row += static_cast<std::ptrdiff_t>(samples) * maps[i].channels;
     }
-    std::copy(proposal.extras.begin(), proposal.extras.end(), row);
+    row = std::copy(proposal.extras.begin(), proposal.extras.end(), row);
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      const std::vector<float>& offsets = spec_.lines->pooled[i].end_offsets;
+      const std::ptrdiff_t size = std::ssize(offsets) * maps[i].channels;
+      PoolAtEnd(maps[i], start, end, offsets, row);
+      PoolAtEnd(maps[i], end, start, offsets, row + size);
+      row += 2 * size;
+    }
   };
   std::vector<float> scores = classifier_->Run(static_cast<int>(proposals.size()), fill);
   for (float& score : scores) score = 1 / (1 + std::exp(-score));
@@ -255,9 +264,11 @@ void PlNet::AddLines(const ImageMaps& maps, const cv::Mat& mask, const Detection
                            static_cast<int>(field.shape[3]), static_cast<int>(field.shape[2])};
   const std::vector<Keypoint> junctions = FindJunctions(line_maps, maps.image_size, mask, decoder);
   const std::vector<LineProposal> proposals = ProposeLines(line_maps, junctions, mask, decoder);
-  const std::vector<float> scores =
+  const std::vector<float> single =
       SuppressDoubles(junctions, proposals, Classify(instance, junctions, proposals),
                       decoder.double_radius, request.min_line_score);
+  const std::vector<float> scores =
+      DiscountOverlaps(junctions, proposals, single, decoder.overlap_radius);
   KeepLines(junctions, proposals, scores, request.min_line_score, detections);
   detections.junction_descriptors = Describe(maps, detections.junctions);
 }

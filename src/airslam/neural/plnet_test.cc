@@ -231,9 +231,12 @@ TEST(PlNet, FindsLinesInTheSamePass) {
   EXPECT_NEAR(line.y1, 21.5, 1e-3);
   EXPECT_NEAR(line.x2, 33.5, 1e-3);
   EXPECT_NEAR(line.y2, 21.5, 1e-3);
-  // The four samples lie in junctions and between drawn cells; of the coarse ones the last counts.
+  // The four samples lie in junctions and between drawn cells; of the coarse ones along the line
+  // the last counts.
   const double mean = (2 + 2 * 128.0 / 255) / 4;
-  const double coarse = BilinearAtBlocks(image, 33.5, 21.5);
+  // Of those about the ends the last counts: 2 pixels before the end.
+  const double coarse =
+      BilinearAtBlocks(image, 33.5, 21.5) + 0.5 * BilinearAtBlocks(image, 31.5, 21.5);
   EXPECT_NEAR(line.score, 1 / (1 + std::exp(1 - 4 * mean - coarse)), 1e-4);
   ASSERT_EQ(found.junctions.size(), 2U);
   ASSERT_EQ(found.line_ends.size(), 1U);
@@ -319,6 +322,9 @@ TEST(PlNet, RefusesALineModuleThatDoesNotFit) {
   EXPECT_NO_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), 10));
   spec = Spec();
   spec.lines->pooled[1].samples = 5;  // the classifier takes another number of features
+  EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
+  spec = Spec();
+  spec.lines->pooled[1].end_offsets.clear();
   EXPECT_THROW(PlNet(spec, ExactLoader()).Detect(image, cv::Mat(), {10, true}), Error);
   spec = Spec();
   spec.lines->decoder.snap = -1;

@@ -20,8 +20,9 @@ struct LineChanges {
   std::vector<KeyframeId> observed;  // earlier keyframes that turned out to see one of them
 };
 
-// Gives a keyframe its lines: matched with those of earlier keyframes by the points that they share (paper, section V-B), or found where the map's lines should be seen,
-// and triangulated from two planes or two points (section V-C).
+// Gives a keyframe its lines: matched with those of earlier keyframes by the points that they share
+// (paper, section V-B), or found where the map's lines should be seen, and triangulated from two
+// planes or two points (section V-C).
 class LineBuilder {
  public:
   LineBuilder(const LineOptions& options, LocalMap& map) : options_(options), map_(map) {}

@@ -8,8 +8,8 @@
 namespace airslam {
 
 void LineSearch::Begin(LineSearchImages images) {
-  under_way_ = std::async(std::launch::async,
-                          [this, images = std::move(images)] { return Find(images); });
+  under_way_ =
+      std::async(std::launch::async, [this, images = std::move(images)] { return Find(images); });
 }
 
 std::optional<KeyframeLines> LineSearch::Take() {
@@ -23,13 +23,11 @@ KeyframeLines LineSearch::Find(const LineSearchImages& images) {
   found.keyframe = images.keyframe;
   {
     ScopedStage stage(times_, "detect lines");
-    found.left =
-        detector_.FindLines(images.left.full(), rectifier_.left_mask(), images.seen,
-                            {0, true, static_cast<float>(options_.min_score)});
+    found.left = detector_.FindLines(images.left.full(), rectifier_.left_mask(), images.seen,
+                                     {0, true, static_cast<float>(options_.min_score)});
   }
   ScopedStage stage(times_, "find lines in right image");
-  found.right =
-      FindRightLines(found.left.lines, images.left, images.right, rectifier_.stereo());
+  found.right = FindRightLines(found.left.lines, images.left, images.right, rectifier_.stereo());
   return found;
 }
 

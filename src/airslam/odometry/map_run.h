@@ -40,9 +40,7 @@ class MapRun {
 
   const StereoRectifier& rectifier() const { return rectifier_; }
   const OdometryOptions& options() const { return request_.options; }
-  PipelineNetworks networks() {
-    return {detector_, line_detector_, *matcher_};
-  }
+  PipelineNetworks networks() { return {detector_, line_detector_, *matcher_}; }
   MapRecorder* recorder() { return recorder_ ? &*recorder_ : nullptr; }  // null without a folder
   StageTimes& times() { return times_; }
 

@@ -285,7 +285,8 @@ std::optional<Odometry::Anew> Odometry::DraftAnew(const PreparedFrame& frame, co
   ImagePyramid right = rectified.get();
   MatchRight(view, right, draft.keyframe);
   const std::vector<float>& right_x = draft.keyframe.right_x;
-  const auto matched = std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
+  const auto matched =
+      std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
   // Where there is too little depth, the next frame may have more.
   if (matched < options_.recovery.min_stereo_points) return std::nullopt;
   return Anew{std::move(draft), std::move(right)};

@@ -122,7 +122,8 @@ PipelineResult RunPipeline(const Sequence& sequence, const StereoRectifier& rect
   InertialSummary without_imu;
   const auto inertial = MakeInertial(sequence, rectifier, options.inertial, without_imu);
   Odometry odometry(options, MakeMapCalibration(sequence.rig(), rectifier),
-                    {rectifier, networks.detector, networks.line_detector, networks.matcher, recorder, inertial.get(), times});
+                    {rectifier, networks.detector, networks.line_detector, networks.matcher,
+                     recorder, inertial.get(), times});
   while (std::optional<PreparedFrame> frame = prepared_frames.Pop()) {
     if (!frame->problem.empty()) LogWarn("frame {} skipped: {}", frame->index, frame->problem);
     const FrameObservation seen = odometry.Process(*frame);

@@ -60,7 +60,8 @@ PipelineResult RunOn(const Sequence& sequence, MapRecorder* recorder = nullptr,
   SyntheticDetector detector(detection), line_detector(detection);
   SyntheticMatcher matcher;
   StageTimes times;
-  return RunPipeline(sequence, rectifier, options, {detector, line_detector, matcher}, recorder, {}, times);
+  return RunPipeline(sequence, rectifier, options, {detector, line_detector, matcher}, recorder, {},
+                     times);
 }
 
 SyntheticSequenceOptions Options(int frames) {
@@ -292,8 +293,8 @@ TEST(Pipeline, FeaturesAreDetectedWhereTheyAreNeeded) {
       EXPECT_NE(seen.features, nullptr);
     }
   };
-  const PipelineResult result =
-      RunPipeline(sequence, rectifier, {}, {detector, line_detector, matcher}, nullptr, observe, times);
+  const PipelineResult result = RunPipeline(
+      sequence, rectifier, {}, {detector, line_detector, matcher}, nullptr, observe, times);
   EXPECT_EQ(std::count(detected.begin(), detected.end(), true), detector.calls);
   for (int i = 9; i < 14; ++i) EXPECT_FALSE(detected[i]) << i;  // patches alone
   for (const FrameRecord& record : result.records) EXPECT_TRUE(record.has_pose());
@@ -306,12 +307,10 @@ TEST(Pipeline, AStageThatThrowsEndsTheRun) {
   SyntheticDetector works({.lines = true});
   SyntheticMatcher matcher;
   StageTimes times;
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
-      std::runtime_error);
-  EXPECT_THROW(
-      RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
-      std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {broken, works, matcher}, nullptr, {}, times),
+               std::runtime_error);
+  EXPECT_THROW(RunPipeline(sequence, rectifier, {}, {works, broken, matcher}, nullptr, {}, times),
+               std::runtime_error);
 }
 
 TEST(Pipeline, StopsInOrderWhenAsked) {

@@ -14,7 +14,7 @@ import torch
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[3] / "training"))
 from airslam_training.line_data import encode  # noqa: E402
-from airslam_training.lines import REACH, DecoderOptions, propose, sample_along  # noqa: E402
+from airslam_training.lines import END_OFFSETS, REACH, DecoderOptions, discount_overlaps, propose, sample_along, sample_ends  # noqa: E402
 
 WIDTH, HEIGHT, CHANNELS, SAMPLES = 24, 18, 3, 5
 
@@ -41,12 +41,18 @@ def main():
     lines, extras, pair, found = propose(torch.from_numpy(raw), torch.from_numpy(heat), DecoderOptions())
     along = sample_along(torch.from_numpy(pooled), lines, SAMPLES)
 
+    scores = torch.from_numpy(np.round(rng.uniform(size=len(lines)), 3).astype(np.float32))
+    best = torch.sort(scores, descending=True, stable=True).indices
+    discounted = discount_overlaps(torch.cat([lines, scores[:, None]], 1)[best], DecoderOptions().overlap)
+
     def numbers(x, digits=5):
         return np.round(np.asarray(x, np.float64), digits).tolist()
 
     case = {"width": WIDTH, "height": HEIGHT, "channels": CHANNELS, "samples": SAMPLES, "field": numbers(raw.ravel()),
             "junction_maps": numbers(heat.ravel()), "pooled": numbers(pooled.transpose(1, 2, 0).ravel()),
-            "junctions": numbers(found), "proposals": pair.tolist(), "extras": numbers(extras), "along": numbers(along)}
+            "junctions": numbers(found), "proposals": pair.tolist(), "extras": numbers(extras), "along": numbers(along),
+            "end_offsets": END_OFFSETS, "about_ends": numbers(sample_ends(torch.from_numpy(pooled), lines)),
+            "scores": numbers(scores), "discounted": numbers(discounted[:, 4])}
     (HERE / "line_case.json").write_text(json.dumps(case) + "\n")
     print(len(found), "junctions,", len(pair), "proposals")
 

@@ -93,6 +93,7 @@ def descriptor_head(path):
 
 
 LINE_CHANNELS, LINE_SAMPLES, CONTEXT_SAMPLES, LINE_EXTRAS, PROPOSALS = 2, 4, 2, 9, 16
+CONTEXT_OFFSETS = [-8.0, 2.0]
 
 
 def line_neck(path):
@@ -126,11 +127,13 @@ def line_neck(path):
 
 
 def line_classifier(path):
-    """Logit: 4 * mean of the first pooled channel + the last value pooled at /8 - 1."""
+    """Logit: 4 * mean of the first pooled channel + the last value pooled along at /8 + half of that at the last offset from
+    the end - 1."""
     along = LINE_SAMPLES * LINE_CHANNELS
-    weights = np.zeros((along + CONTEXT_SAMPLES + LINE_EXTRAS, 1), np.float32)
+    weights = np.zeros((along + CONTEXT_SAMPLES + LINE_EXTRAS + 2 * len(CONTEXT_OFFSETS), 1), np.float32)
     weights[:along:LINE_CHANNELS] = 4 / LINE_SAMPLES
     weights[along + CONTEXT_SAMPLES - 1] = 1
+    weights[-1] = 0.5
     save(path, [helper.make_node("MatMul", ["features", "weights"], ["sum"]),
                 helper.make_node("Add", ["sum", "bias"], ["logits"])],
          [tensor("features", ["N", len(weights)])], [tensor("logits", ["N", 1])],
@@ -199,9 +202,10 @@ def manifest(folder):
                 "score_threshold": -5.0, "nms_radius": 2,
                 "lines": {**entry("line_neck.onnx"), "field": "line_field", "junctions": "junction_maps", "stride": 4,
                           "pooled": [{"output": "line_features", "channels": LINE_CHANNELS, "stride": 4, "samples": LINE_SAMPLES},
-                                     {"output": "line_context", "channels": 1, "stride": 8, "samples": CONTEXT_SAMPLES}],
+                                     {"output": "line_context", "channels": 1, "stride": 8, "samples": CONTEXT_SAMPLES,
+                                      "end_offsets": CONTEXT_OFFSETS}],
                           "reach": 16.0, "min_confidence": 0.5, "min_junction": 0.5, "max_junctions": 8, "snap": 12.0,
-                          "min_support": 1.0, "double_radius": 3.0, "max_proposals": PROPOSALS,
+                          "min_support": 1.0, "double_radius": 3.0, "overlap_radius": 4.0, "max_proposals": PROPOSALS,
                           "classifier": {**entry("line_classifier.onnx"), "input": "features", "output": "logits"}}}
     matcher = {"keypoints": N, "threshold": 0.1, "exit_confidence": 0.9,
                "stages": [entry("matcher_stage0.onnx"), entry("matcher_stage1.onnx")]}
