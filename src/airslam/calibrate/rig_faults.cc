@@ -161,8 +161,7 @@ class Diagnoser {
   const ShiftedMatches& shifted_;
   const std::vector<RayMatch> rays_;
   std::vector<RayMatch> moving_;  // those that tell of a delay
-  // What stereo matching allows at half resolution.
-  const double tolerance_ = 2 * StereoMatchingOptions().max_row_difference;
+  const double tolerance_ = StereoMatchingOptions().max_row_difference;
 
   struct Evaluated {
     RigHypothesis hypothesis;

@@ -70,7 +70,7 @@ using ShiftedMatches = std::function<RawMatches(int shift)>;
 // hypothesis, and with all parts of RigCorrection free.
 //
 // The calibration is right when nine of ten matches stay within the difference of rows that stereo
-// matching allows (at half resolution, 1 px): its systematic error
+// matching allows (StereoMatchingOptions::max_row_difference, 1 px): its systematic error
 // (SystematicError against all parts free, a 90th percentile) and the noise's 90th
 // percentile, 1.645 sigma, squared and added, must stay below that squared. A systematic error
 // below one noise is always allowed. And most matches must meet in front of the cameras.

@@ -13,9 +13,7 @@
 namespace airslam {
 
 struct StereoMatchingOptions {
-  // Pixels, after alignment. What is off its row is off its column, too: on the warehouse sequences
-  // 1.0 gave errors larger by a tenth.
-  double max_row_difference = 0.5;
+  double max_row_difference = 1.0;  // pixels, after alignment
   double min_depth = 0.3;      // metres: bounds the disparity
   double min_disparity = 0.3;  // pixels: below it the depth is unknown
   // With fewer matches at full resolution than this, those at half resolution, where noise is
@@ -24,7 +22,7 @@ struct StereoMatchingOptions {
   RowSearchOptions search;
   // Both images are of one moment: patches agree better than those of two frames do. Where noise
   // is strong they cannot.
-  PatchAlignmentOptions alignment = {.min_correlation = 0.85};
+  PatchAlignmentOptions alignment = {.min_correlation = 0.9};
   PatchAlignmentOptions coarse_alignment = {.min_correlation = 0.75};
 };
 
