@@ -59,15 +59,4 @@ std::vector<Match> MatchLines(const PointLineAssociation& image0,
   return matches;
 }
 
-std::vector<Match> MatchLines(const PointLineAssociation& image0,
-                              const PointLineAssociation& image1,
-                              const LineMatchingOptions& options) {
-  std::vector<Match> identity;
-  identity.reserve(image0.lines_of_point.size());
-  for (int i = 0; i < static_cast<int>(image0.lines_of_point.size()); ++i) {
-    identity.push_back({i, i, 1});
-  }
-  return MatchLines(image0, image1, identity, options);
-}
-
 }  // namespace airslam

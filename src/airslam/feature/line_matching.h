@@ -32,11 +32,4 @@ std::vector<Match> MatchLines(const PointLineAssociation& image0,
                               std::span<const Match> point_matches,
                               const LineMatchingOptions& options = {});
 
-// The same where point i of one image is point i of the other: points that were followed from one
-// to the other (AssociatePoints with NaN where they were not). Both must have the same number of
-// points.
-std::vector<Match> MatchLines(const PointLineAssociation& image0,
-                              const PointLineAssociation& image1,
-                              const LineMatchingOptions& options = {});
-
 }  // namespace airslam

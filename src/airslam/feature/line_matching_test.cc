@@ -23,6 +23,17 @@ PointLineAssociation Associate(int points, std::vector<std::vector<int>> points_
   return result;
 }
 
+// Where point i of one image is point i of the other.
+std::vector<Match> MatchLines(const PointLineAssociation& image0,
+                              const PointLineAssociation& image1,
+                              const LineMatchingOptions& options = {}) {
+  std::vector<Match> identity;
+  for (int i = 0; i < static_cast<int>(image0.lines_of_point.size()); ++i) {
+    identity.push_back({i, i, 1});
+  }
+  return airslam::MatchLines(image0, image1, identity, options);
+}
+
 void ExpectMatches(const std::vector<Match>& matches,
                    const std::vector<std::pair<int, int>>& expected) {
   ASSERT_EQ(matches.size(), expected.size());

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <opencv2/imgproc.hpp>
+#include "airslam/feature/test_texture.h"
 
 namespace airslam {
 namespace {
@@ -14,12 +14,8 @@ constexpr double kShift = 20.4;
 class RowSearch : public ::testing::Test {
  protected:
   void SetUp() override {
-    cv::Mat noise(60, 160, CV_8UC1);
-    cv::RNG(5).fill(noise, cv::RNG::UNIFORM, 0, 255);
-    cv::GaussianBlur(noise, reference_, {}, 1.5);
-    cv::normalize(reference_, reference_, 20, 120, cv::NORM_MINMAX);
-    cv::warpAffine(reference_, image_, cv::Matx23d(1, 0, -kShift, 0, 1, 0), reference_.size(),
-                   cv::INTER_CUBIC);
+    reference_ = RandomTexture({160, 60}, 5, 1.5, 20, 120);
+    image_ = ShiftedLeft(reference_, kShift);
   }
 
   std::optional<double> Search(int column, int row, int first = 0, int last = 159) const {

@@ -79,10 +79,10 @@ DisparityLine Fit(std::span<const Sample> samples) {
 }
 
 // The search of one line.
-class LineSearch {
+class RightLineSearch {
  public:
-  LineSearch(const LineSegment& line, const ImagePyramid& left, const ImagePyramid& right,
-             const StereoLineOptions& options)
+  RightLineSearch(const LineSegment& line, const ImagePyramid& left, const ImagePyramid& right,
+                  const StereoLineOptions& options)
       : line_(line), left_(left), right_(right), options_(options) {
     const double length = std::hypot(line.x2 - line.x1, line.y2 - line.y1);
     const bool level = std::abs(line.y2 - line.y1) < options.min_slope * length;
@@ -153,8 +153,9 @@ std::vector<LineSegment> FindRightLines(std::span<const LineSegment> left,
   std::vector<LineSegment> right;
   right.reserve(left.size());
   for (const LineSegment& line : left) {
-    right.push_back(
-        LineSearch(line, left_image, right_image, options).Find(max_disparity).value_or(kNoLine));
+    right.push_back(RightLineSearch(line, left_image, right_image, options)
+                        .Find(max_disparity)
+                        .value_or(kNoLine));
   }
   return right;
 }

@@ -6,6 +6,8 @@
 #include <functional>
 #include <opencv2/imgproc.hpp>
 
+#include "airslam/feature/test_texture.h"
+
 namespace airslam {
 namespace {
 
@@ -14,12 +16,7 @@ const StereoCamera kStereo = {{200, 200, 160, 120, 320, 240}, 0.1};
 // A random texture at a disparity that may differ from place to place.
 class StereoLines : public ::testing::Test {
  protected:
-  void SetUp() override {
-    cv::Mat noise(240, 320, CV_8UC1);
-    cv::RNG(11).fill(noise, cv::RNG::UNIFORM, 0, 255);
-    cv::GaussianBlur(noise, left_, {}, 2.0);
-    cv::normalize(left_, left_, 20, 200, cv::NORM_MINMAX);
-  }
+  void SetUp() override { left_ = RandomTexture({320, 240}, 11, 2.0, 20, 200); }
 
   // `disparity` of a row: then a right pixel shows the left one that far to the right of it.
   void Show(const std::function<float(int)>& disparity) {

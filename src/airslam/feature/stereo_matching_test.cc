@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <opencv2/imgproc.hpp>
+#include "airslam/feature/test_texture.h"
 
 namespace airslam {
 namespace {
@@ -14,15 +14,9 @@ constexpr double kDisparity = 12.4;
 class StereoMatching : public ::testing::Test {
  protected:
   void SetUp() override {
-    cv::Mat noise(120, 240, CV_8UC1);
-    cv::RNG random(3);
-    random.fill(noise, cv::RNG::UNIFORM, 0, 255);
-    cv::GaussianBlur(noise, left_, {}, 1.6);
-    cv::normalize(left_, left_, 0, 255, cv::NORM_MINMAX);
-    const cv::Matx23d shift(1, 0, -kDisparity, 0, 1, 0);
-    cv::warpAffine(left_, right_, shift, left_.size(), cv::INTER_CUBIC);
+    left_ = RandomTexture({240, 120}, 3, 1.6, 0, 255);
+    right_image_ = ShiftedLeft(left_, kDisparity);
     left_keypoints_ = {{100, 40, 1}, {150, 60, 1}, {60, 80, 1}};
-    right_.copyTo(right_image_);
     stereo_ = {{100, 100, 120, 60, 240, 120}, 0.5};
   }
 
@@ -31,7 +25,7 @@ class StereoMatching : public ::testing::Test {
     return MatchStereo({left, right, left_keypoints_}, stereo_, expected, options_);
   }
 
-  cv::Mat left_, right_, right_image_;
+  cv::Mat left_, right_image_;
   std::vector<Keypoint> left_keypoints_;
   StereoCamera stereo_;
   StereoMatchingOptions options_;

@@ -101,8 +101,10 @@ KeyframeDraft KeyframeBuilder::FromTracked(const FrameView& frame, std::int64_t 
   return draft;
 }
 
-void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& right_image,
-                                 Keyframe& keyframe) const {
+void KeyframeBuilder::MatchRight(const FrameView& frame, ImagePyramid right_image,
+                                 KeyframeDraft& draft) const {
+  Keyframe& keyframe = draft.keyframe;
+  draft.right_image = std::move(right_image);
   const Rigid3 cam_from_world = keyframe.world_from_cam.Inverse();
   std::vector<float> expected(keyframe.keypoints.size(), -1.0f);
   for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -113,7 +115,7 @@ void KeyframeBuilder::MatchRight(const FrameView& frame, const ImagePyramid& rig
   }
   StereoMatchingOptions stereo;
   stereo.coarse_below = options_.tracking.coarse_below;
-  const StereoView view{frame.image, right_image, keyframe.keypoints};
+  const StereoView view{frame.image, draft.right_image, keyframe.keypoints};
   keyframe.right_x = MatchStereo(view, map_.stereo(), expected, stereo);
 }
 

@@ -18,6 +18,7 @@ struct KeyframeDraft {
   // Keypoints that look too different from their landmark's earlier patches: from this keyframe on
   // they define it.
   std::vector<int> redefining;
+  ImagePyramid right_image;  // rectified; set by MatchRight
 };
 
 // Turns a tracked frame into a keyframe of the map: its keypoints take over the landmarks that were
@@ -36,9 +37,8 @@ class KeyframeBuilder {
   KeyframeDraft FromDetections(const FrameView& frame, std::int64_t timestamp_ns, int component,
                                const Rigid3& world_from_cam) const;
 
-  // Fills keyframe.right_x from the right image.
-  void MatchRight(const FrameView& frame, const ImagePyramid& right_image,
-                  Keyframe& keyframe) const;
+  // Takes over the right image and fills draft.keyframe.right_x from it.
+  void MatchRight(const FrameView& frame, ImagePyramid right_image, KeyframeDraft& draft) const;
 
   // Creates landmarks for keypoints with a right match and none yet. Returns their ids.
   std::vector<LandmarkId> AddStereoLandmarks(Keyframe& keyframe);

@@ -209,7 +209,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
   if (inertial_ != nullptr) inertial_->Observe(frame.timestamp_ns, ToVisualPose(tracked));
   if (!was_lost && !NeedsKeyframe(tracked)) return;
   ScopedStage stage(times_, "keyframe");
-  std::future<ImagePyramid> rectified = PrepareRight(frame);
+  std::future<ImagePyramid> right = PrepareRight(frame);
   // The keyframe must start from the latest map; its own pose moves with its reference.
   if (bundle_due_) TakeBundle();
   tracked.world_from_cam =
@@ -218,10 +218,9 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
     return !map_.map().landmarks.contains(point.landmark);  // an outlier by now
   });
   KeyframeDraft draft = builder_.FromTracked(view, frame.timestamp_ns, tracked);
-  const ImagePyramid right = rectified.get();
-  MatchRight(view, right, draft.keyframe);
+  MatchRight(view, std::move(right), draft);
   if (was_lost || IsWorthwhile(draft.keyframe, tracked)) {
-    InsertKeyframe(frame, {view, right}, std::move(draft), record);
+    InsertKeyframe(frame, view, std::move(draft), record);
   }
 }
 
@@ -271,47 +270,47 @@ std::future<ImagePyramid> Odometry::PrepareRight(const PreparedFrame& frame) con
   });
 }
 
-void Odometry::MatchRight(const FrameView& view, const ImagePyramid& right,
-                          Keyframe& keyframe) const {
+void Odometry::MatchRight(const FrameView& view, std::future<ImagePyramid> right,
+                          KeyframeDraft& draft) const {
+  ImagePyramid right_image = right.get();
   ScopedStage stage(times_, "match stereo");
-  builder_.MatchRight(view, right, keyframe);
+  builder_.MatchRight(view, std::move(right_image), draft);
 }
 
-std::optional<Odometry::Anew> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
-                                                  int component, const Rigid3& world_from_cam) {
-  std::future<ImagePyramid> rectified = PrepareRight(frame);
+std::optional<KeyframeDraft> Odometry::DraftAnew(const PreparedFrame& frame, const FrameView& view,
+                                                 int component, const Rigid3& world_from_cam) {
+  std::future<ImagePyramid> right = PrepareRight(frame);
   KeyframeDraft draft =
       builder_.FromDetections(view, frame.timestamp_ns, component, world_from_cam);
-  ImagePyramid right = rectified.get();
-  MatchRight(view, right, draft.keyframe);
+  MatchRight(view, std::move(right), draft);
   const std::vector<float>& right_x = draft.keyframe.right_x;
   const auto matched =
       std::count_if(right_x.begin(), right_x.end(), [](float x) { return x >= 0; });
   // Where there is too little depth, the next frame may have more.
   if (matched < options_.recovery.min_stereo_points) return std::nullopt;
-  return Anew{std::move(draft), std::move(right)};
+  return draft;
 }
 
 void Odometry::Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
   if (bundle_due_) TakeBundle();
   // The body of a component's first keyframe is the origin of its world.
-  auto anew = DraftAnew(frame, view, component_ + 1, map_.map().calibration.body_from_left);
-  if (!anew) return;
+  auto draft = DraftAnew(frame, view, component_ + 1, map_.map().calibration.body_from_left);
+  if (!draft) return;
   ++component_;
   if (inertial_ != nullptr) inertial_->StartComponent(component_, frame.timestamp_ns);
   record.state = FrameState::kInitialized;
-  Begin(frame, {view, anew->right}, std::move(anew->draft), record);
+  Begin(frame, view, std::move(*draft), record);
 }
 
 void Odometry::Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record) {
   if (bundle_due_) TakeBundle();
-  auto anew = DraftAnew(frame, view, component_, inertial_->world_from_cam());
-  if (!anew) return;
+  auto draft = DraftAnew(frame, view, component_, inertial_->world_from_cam());
+  if (!draft) return;
   inertial_->Observe(frame.timestamp_ns, {inertial_->world_from_cam()});
-  Begin(frame, {view, anew->right}, std::move(anew->draft), record);
+  Begin(frame, view, std::move(*draft), record);
 }
 
-void Odometry::Begin(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
+void Odometry::Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
                      FrameRecord& record) {
   const Keyframe& keyframe = draft.keyframe;
   lost_frames_ = strange_frames_ = 0;
@@ -319,12 +318,12 @@ void Odometry::Begin(const PreparedFrame& frame, const StereoSight& seen, Keyfra
   record.online_world_from_cam = keyframe.world_from_cam;
   motion_ = {};
   motion_.Observe(frame.timestamp_ns, keyframe.id, {}, keyframe.world_from_cam);
-  InsertKeyframe(frame, seen, std::move(draft), record);
+  InsertKeyframe(frame, view, std::move(draft), record);
   points_ = OwnPoints(map_.last());
   record.tracked_points = static_cast<int>(points_.size());
 }
 
-void Odometry::InsertKeyframe(const PreparedFrame& frame, const StereoSight& seen,
+void Odometry::InsertKeyframe(const PreparedFrame& frame, const FrameView& view,
                               KeyframeDraft draft, FrameRecord& record) {
   TakeLines();
   Keyframe& keyframe = draft.keyframe;
@@ -332,7 +331,7 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const StereoSight& see
   const bool is_placed = CountLandmarks(keyframe) > 0;
   std::vector<LandmarkId> added = builder_.AddStereoLandmarks(keyframe);
   std::vector<LandmarkId> from_motion;
-  if (is_placed) from_motion = builder_.AddMotionLandmarks(seen.left, keyframe);
+  if (is_placed) from_motion = builder_.AddMotionLandmarks(view, keyframe);
   added.insert(added.end(), from_motion.begin(), from_motion.end());
   for (int index : draft.redefining) {
     map_.SetSource(keyframe.landmarks[index], {keyframe.id, index});
@@ -343,10 +342,10 @@ void Odometry::InsertKeyframe(const PreparedFrame& frame, const StereoSight& see
   motion_.MoveTo(keyframe.id);
   if (inertial_ != nullptr) inertial_->FillKeyframe(keyframe);
   if (recorder_ != nullptr) Record(keyframe, added, !from_motion.empty());
-  map_.AddKeyframe(std::move(keyframe), seen.left.image);
+  map_.AddKeyframe(std::move(keyframe), view.image);
   if (UsesLines()) {
     line_search_.Begin(
-        {map_.last().id, seen.left.image, seen.right, seen.left.features.detections()});
+        {map_.last().id, view.image, std::move(draft.right_image), view.features.detections()});
   }
   BundleJob job = map_.MakeBundleJob();
   if (inertial_ != nullptr) inertial_->AddTo(job, map_.map());

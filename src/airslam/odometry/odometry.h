@@ -100,18 +100,9 @@ class Odometry {
   // IMU says its pose.
   void Start(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
   void Continue(const PreparedFrame& frame, const FrameView& view, FrameRecord& record);
-  struct Anew {
-    KeyframeDraft draft;
-    ImagePyramid right;
-  };
-  std::optional<Anew> DraftAnew(const PreparedFrame& frame, const FrameView& view, int component,
-                                const Rigid3& world_from_cam);
-  // Both rectified images of a keyframe.
-  struct StereoSight {
-    const FrameView& left;
-    const ImagePyramid& right;
-  };
-  void Begin(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
+  std::optional<KeyframeDraft> DraftAnew(const PreparedFrame& frame, const FrameView& view,
+                                         int component, const Rigid3& world_from_cam);
+  void Begin(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
              FrameRecord& record);
   VisualPose ToVisualPose(const TrackedFrame& tracked) const;
   bool NeedsKeyframe(const TrackedFrame& tracked) const;
@@ -121,10 +112,11 @@ class Odometry {
   Detections DetectLeft(const PreparedFrame& frame) const;
   // The right image of a keyframe, rectified on another thread.
   std::future<ImagePyramid> PrepareRight(const PreparedFrame& frame) const;
-  void MatchRight(const FrameView& view, const ImagePyramid& right, Keyframe& keyframe) const;
+  void MatchRight(const FrameView& view, std::future<ImagePyramid> right,
+                  KeyframeDraft& draft) const;
   // Commits a keyframe that is not in the map yet, and what it changed there.
   void Record(const Keyframe& keyframe, std::span<const LandmarkId> added, bool last_sees_more);
-  void InsertKeyframe(const PreparedFrame& frame, const StereoSight& seen, KeyframeDraft draft,
+  void InsertKeyframe(const PreparedFrame& frame, const FrameView& view, KeyframeDraft draft,
                       FrameRecord& record);
   void TakeBundle();
   // Gives the last keyframe its lines, and the map and the recorder what they show.
