@@ -29,9 +29,6 @@ struct PointLineAssociation {
 // Point i belongs to line j if it is less than 3 pixels from the line and its x lies between the
 // end points' x or its y between their y, ends included (paper, section V-B). A point or line with
 // a coordinate that is not finite, and a line without length, belong to nothing.
-//
-// The points need not be detections: pass the places where a frame's points were found in another
-// image (say the right one; NaN where they were not) to match lines with the index as the match.
 PointLineAssociation AssociatePoints(std::span<const Keypoint> points,
                                      std::span<const LineSegment> lines,
                                      const PointLineOptions& options = {});
