@@ -11,7 +11,7 @@ struct LineOptions {
   double min_length = 20.0;
   double min_match_score = 0.3;
   int min_shared_points = 1;
-  double pixel_sigma = 1.0;
+  double pixel_sigma = 0.2;
   double max_end_error = 4.0;
   double max_length = 30.0;
   double max_depth = 40.0;
@@ -29,9 +29,10 @@ struct LineOptions {
             "delta_S: two lines match when they share a greater share of their points than this.");
     v.Field("min_shared_points", min_shared_points, {0, 1000},
             "delta_N: two lines match when they share more points than this.");
-    v.Field("pixel_sigma", pixel_sigma, {0.01, 100, "px"},
-            "Standard deviation of an end point across its line. More than the 0.3 to 0.4 that one "
-            "end misses its line by: with 0.5 lines outweighed better points.");
+    v.Field(
+        "pixel_sigma", pixel_sigma, {0.01, 100, "px"},
+        "Standard deviation of an end point across its line, which lies on an edge of the image: "
+        "half of a point's `tracking.pixel_sigma`.");
     v.Field(
         "max_end_error", max_end_error, {0.1, 1000, "px"},
         "A line of the map whose image misses the ends of a matched line by more is another one.");

@@ -24,8 +24,8 @@ struct LineSearchImages {
 // The lines of a keyframe.
 struct KeyframeLines {
   KeyframeId keyframe = -1;
-  Detections left;                 // lines and junctions
-  std::vector<LineSegment> right;  // FindRightLines
+  Detections left;                 // lines on their edges (RefineLine), and junctions
+  std::vector<LineSegment> right;  // one a left line, kNoLine where it is not found
 };
 
 // Finds the lines of one keyframe at a time on a thread of its own: what takes longest of a

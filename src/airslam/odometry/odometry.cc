@@ -43,6 +43,7 @@ bool Agrees(const PosePrior& prediction, const Rigid3& world_from_cam) {
 BundleOptions LocalBundleOptions(const LocalMapOptions& local_map) {
   BundleOptions options;
   options.robust_iterations = options.final_iterations = local_map.iterations;
+  options.least_scale = local_map.least_scale;
   return options;
 }
 

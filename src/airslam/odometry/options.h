@@ -73,6 +73,7 @@ struct LocalMapOptions {
   int max_fixed = 10;
   int lag_frames = 2;
   int iterations = 3;
+  double least_scale = 0.25;
 
   template <class V>
   void Visit(V& v) {
@@ -85,6 +86,9 @@ struct LocalMapOptions {
     v.Field("iterations", iterations, {1, 100},
             "Of each of the two rounds (before and after outliers are rejected). Few are enough, "
             "for each keyframe goes on from where the last one's adjustment ended.");
+    v.Field("least_scale", least_scale, {0.01, 1},
+            "Where residuals are smaller than `pixel_sigma` says, the bounds beyond which they "
+            "count less or not at all shrink with them, to this share at the least.");
   }
 };
 

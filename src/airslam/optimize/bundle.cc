@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "airslam/optimize/bound_scale.h"
 #include "airslam/optimize/bundle_solver.h"
 #include "airslam/optimize/pose_parameter.h"
 
@@ -76,59 +77,82 @@ bool LiesInFront(const StereoCamera& stereo, const Rigid3& world_from_cam,
       .has_value();
 }
 
-// The squares of residuals and how many there are.
+// The squares of the residuals of some observations, all of them and those that are no outliers.
 struct Errors {
-  double squares = 0;
-  int coordinates = 0;
+  std::vector<double> squares;  // of each observation
+  std::vector<int> rows;        // its coordinates
+  double inlier_squares = 0;
+  int inlier_coordinates = 0;
 
-  double Rms() const { return coordinates > 0 ? std::sqrt(squares / coordinates) : 0; }
+  double Rms() const {
+    return inlier_coordinates > 0 ? std::sqrt(inlier_squares / inlier_coordinates) : 0;
+  }
 };
+
+Errors Sum(std::vector<double> squares, const auto& observations,
+           const std::vector<bool>& outlier) {
+  Errors errors;
+  for (std::size_t i = 0; i < squares.size(); ++i) {
+    const int rows = observations[i].seen.rows();
+    errors.rows.push_back(rows);
+    if (outlier[i]) continue;
+    errors.inlier_squares += squares[i];
+    errors.inlier_coordinates += rows;
+  }
+  errors.squares = std::move(squares);
+  return errors;
+}
+
+// What residuals err by more than they show: `unknowns` were fitted to them.
+double LostFreedom(const Errors& errors, double unknowns) {
+  const double coordinates = errors.inlier_coordinates;
+  return coordinates / std::max(coordinates - unknowns, 0.1 * coordinates);
+}
+
+double PointUnknowns(const BundleProblem& bundle) {
+  return static_cast<double>(3 * bundle.points_in_world.size() + 6 * bundle.world_from_cam.size());
+}
+
+double LineUnknowns(const BundleProblem& bundle) {
+  return static_cast<double>(4 * bundle.lines_in_world.size());
+}
+
+double ScaleOf(const Errors& errors, double unknowns, double least) {
+  std::vector<double> means(errors.squares.size());
+  for (std::size_t i = 0; i < means.size(); ++i) means[i] = errors.squares[i] / errors.rows[i];
+  return BoundScale(std::move(means), LostFreedom(errors, unknowns), least);
+}
 
 bool IsOutlier(double squares, int rows, double max_error) {
   return squares * 2 / rows > max_error * max_error;
 }
 
-// Marks outliers (when max_error is not zero) and returns the errors of the others.
-Errors JudgePoints(const BundleProblem& bundle, BundleSolver& solver, double max_error,
-                   std::vector<bool>& outlier) {
-  Errors errors;
-  const std::vector<double> squares = solver.PointErrors();
-  for (std::size_t i = 0; i < squares.size(); ++i) {
-    const int rows = bundle.observations[i].seen.rows();
-    if (max_error > 0) outlier[i] = IsOutlier(squares[i], rows, max_error);
-    if (outlier[i]) continue;
-    errors.squares += squares[i];
-    errors.coordinates += rows;
+std::vector<bool> PointOutliers(const Errors& errors, double max_error) {
+  std::vector<bool> outlier(errors.squares.size());
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    outlier[i] = IsOutlier(errors.squares[i], errors.rows[i], max_error);
   }
-  return errors;
+  return outlier;
 }
 
-Errors JudgeLines(const BundleProblem& bundle, BundleSolver& solver, double max_error,
-                  std::vector<bool>& outlier) {
-  Errors errors;
-  const std::vector<double> squares = solver.LineErrors();
-  for (std::size_t i = 0; i < squares.size(); ++i) {
+std::vector<bool> LineOutliers(const BundleProblem& bundle, const BundleSolver& solver,
+                               const Errors& errors, double max_error) {
+  std::vector<bool> outlier(errors.squares.size());
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
     const LineSeen& o = bundle.line_observations[i];
-    if (max_error > 0) {
-      outlier[i] = IsOutlier(squares[i], o.seen.rows(), max_error) ||
-                   !LiesInFront(bundle.stereo, PoseOf(solver, o.pose),
-                                LineFromParameter(solver.line_in_world(o.line)), o.seen);
-    }
-    if (outlier[i]) continue;
-    errors.squares += squares[i];
-    errors.coordinates += o.seen.rows();
+    outlier[i] = IsOutlier(errors.squares[i], errors.rows[i], max_error) ||
+                 !LiesInFront(bundle.stereo, PoseOf(solver, o.pose),
+                              LineFromParameter(solver.line_in_world(o.line)), o.seen);
   }
-  return errors;
+  return outlier;
 }
 
 // The variance of a pixel coordinate as the residuals show it, in squares of its assumed sigma:
 // what the IMU is weighed against. At most 1.
 double VisualVariance(const BundleProblem& bundle, const Errors& errors) {
-  const auto unknowns =
-      static_cast<double>(3 * bundle.points_in_world.size() + 6 * bundle.world_from_cam.size());
-  const double freedom = std::max(errors.coordinates - unknowns, 0.1 * errors.coordinates);
+  if (errors.inlier_coordinates == 0) return 1;
   const double mean = errors.Rms() * errors.Rms();
-  return errors.coordinates > 0 ? std::clamp(mean * errors.coordinates / freedom, 0.01, 1.0) : 1.0;
+  return std::clamp(mean * LostFreedom(errors, PointUnknowns(bundle)), 0.01, 1.0);
 }
 
 void CopyTo(const BundleSolver& solver, BundleProblem& problem) {
@@ -151,24 +175,34 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
   BundleSummary summary;
   summary.outlier.assign(problem->observations.size(), false);
   summary.line_outlier.assign(problem->line_observations.size(), false);
-  Errors errors = JudgePoints(*problem, solver, 0, summary.outlier);
-  summary.initial_rms = errors.Rms();
+  Errors points = Sum(solver.PointErrors(), problem->observations, summary.outlier);
+  summary.initial_rms = points.Rms();
   BundleSolver::Rules rules{.function_tolerance = options.function_tolerance,
-                            .loss = {options.huber}};
+                            .point_loss = {options.huber},
+                            .line_loss = {options.huber}};
   int first_iteration = 0;
   for (const int iterations : {options.robust_iterations, options.final_iterations}) {
     rules.max_iterations = iterations;
-    rules.kept_weight = VisualVariance(*problem, errors);
+    rules.kept_weight = VisualVariance(*problem, points);
     rules.on_iteration = [&](int i) {
       if (options.on_iteration) options.on_iteration(first_iteration + i);
     };
     summary.iterations += solver.Solve(rules);
     first_iteration += iterations;
-    errors = JudgePoints(*problem, solver, options.max_error, summary.outlier);
-    summary.line_rms = JudgeLines(*problem, solver, options.max_error, summary.line_outlier).Rms();
+    points = Sum(solver.PointErrors(), problem->observations, summary.outlier);
+    const double scale = ScaleOf(points, PointUnknowns(*problem), options.least_scale);
+    summary.outlier = PointOutliers(points, scale * options.max_error);
+    points = Sum(std::move(points.squares), problem->observations, summary.outlier);
+    rules.point_loss = {scale * options.huber};
+    Errors lines = Sum(solver.LineErrors(), problem->line_observations, summary.line_outlier);
+    const double line_scale = ScaleOf(lines, LineUnknowns(*problem), options.least_scale);
+    summary.line_outlier = LineOutliers(*problem, solver, lines, line_scale * options.max_error);
+    summary.line_rms =
+        Sum(std::move(lines.squares), problem->line_observations, summary.line_outlier).Rms();
+    rules.line_loss = {line_scale * options.huber};
     solver.SetOutliers(summary.outlier, summary.line_outlier);
   }
-  summary.final_rms = errors.Rms();
+  summary.final_rms = points.Rms();
   CopyTo(solver, *problem);
   factors.inertial().CopyTo([&](int unknown) { return solver.kept(unknown); }, problem->inertial);
   return summary;

@@ -18,6 +18,9 @@ struct BundleOptions {
   int final_iterations = 6;   // after
   double huber = 1.5;         // in sigmas
   double max_error = 3.5;     // in sigmas, of the pixel distance: beyond it an outlier
+  // Where most residuals are smaller than their sigmas say, the two bounds above shrink with them,
+  // of points and of lines each, after the first round: to this share at the least. 1: they do not.
+  double least_scale = 1.0;
   // Of the cost: a step that lowers it by less is the last.
   double function_tolerance = 1e-4;
   // The equations of the poses are sparse: for maps, whose keyframes mostly do not see each other.

@@ -100,12 +100,14 @@ std::vector<double> BundleSolver::LineErrors() {
 
 double BundleSolver::Cost(const State& state, const Rules& rules) {
   double sum = 0;
-  const auto add = [&](const auto& o, double squares) {
-    if (o.used) sum += rules.loss.Cost(squares);
+  const auto add = [&](const Huber& loss) {
+    return [&](const auto& o, double squares) {
+      if (o.used) sum += loss.Cost(squares);
+    };
   };
   UpdateViews(state);
-  VisitPoints(state, add);
-  VisitLines(state, add);
+  VisitPoints(state, add(rules.point_loss));
+  VisitLines(state, add(rules.line_loss));
   return 0.5 * sum + kept_.Cost(state.kept, rules.kept_weight);
 }
 
@@ -169,14 +171,14 @@ void BundleSolver::Linearize(const Rules& rules) {
     Points::Landmark& landmark = points_.landmarks()[l];
     clear(landmark);
     for (int i = landmark.begin; i < landmark.end; ++i) {
-      AddPoint(now_.points[l], rules.loss, i, landmark);
+      AddPoint(now_.points[l], rules.point_loss, i, landmark);
     }
   }
   for (std::size_t l = 0; l < now_.lines.size(); ++l) {
     Lines::Landmark& landmark = lines_.landmarks()[l];
     const LineInWorld line(now_.lines[l].data());
     clear(landmark);
-    for (int i = landmark.begin; i < landmark.end; ++i) AddLine(line, rules.loss, i, landmark);
+    for (int i = landmark.begin; i < landmark.end; ++i) AddLine(line, rules.line_loss, i, landmark);
   }
 }
 

@@ -144,7 +144,8 @@ class Solved {
   static BundleSolver::Rules ToTheEnd() {
     return {.max_iterations = 1000,
             .function_tolerance = 1e-15,
-            .loss = {kHuber},
+            .point_loss = {kHuber},
+            .line_loss = {kHuber},
             .kept_weight = kKeptWeight};
   }
   InertialTerms InertialResult(InertialTerms terms) {

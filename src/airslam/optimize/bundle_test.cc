@@ -5,6 +5,7 @@
 #include <ceres/solver.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <random>
 
@@ -16,7 +17,7 @@
 namespace airslam {
 namespace {
 
-constexpr double kNoise = 0.3;  // pixels
+constexpr double kSigma = 0.3;  // pixels: what observations say they err by
 
 // Keyframes along a gentle curve that look at a cloud of points.
 struct Scene {
@@ -27,10 +28,12 @@ struct Scene {
   std::vector<bool> corrupted;
 };
 
-Scene MakeScene(int poses, int points, double outlier_share) {
+// `noise_sigma`, pixels: what observations do err by; `off`: what outliers are off.
+Scene MakeScene(int poses, int points, double outlier_share, double noise_sigma = kSigma,
+                double off = 15) {
   Scene scene;
   std::mt19937 random(11);
-  std::normal_distribution<double> noise(0, kNoise);
+  std::normal_distribution<double> noise(0, noise_sigma);
   std::uniform_real_distribution<double> unit(0, 1);
   for (int i = 0; i < poses; ++i) {
     scene.poses.emplace_back(ExpSO3({0.01 * i, 0.03 * i, -0.005 * i}),
@@ -43,10 +46,10 @@ Scene MakeScene(int poses, int points, double outlier_share) {
       const Eigen::Vector2d pixel = scene.stereo.camera.Project(p);
       if (!scene.stereo.camera.Contains(pixel)) continue;
       const bool corrupt = unit(random) < outlier_share;
-      PointObservation seen{pixel, pixel.x() - scene.stereo.Disparity(p.z()), kNoise};
+      PointObservation seen{pixel, pixel.x() - scene.stereo.Disparity(p.z()), kSigma};
       seen.pixel += Eigen::Vector2d(noise(random), noise(random));
       seen.right_x += noise(random);
-      if (corrupt) seen.pixel.y() += 15;
+      if (corrupt) seen.pixel.y() += off;
       scene.observations.push_back({i, j, seen});
       scene.corrupted.push_back(corrupt);
     }
@@ -116,6 +119,51 @@ TEST(Bundle, SparseEqualsDense) {
   }
 }
 
+// Five poses among points, those after the first disturbed, solved; the largest error of a
+// position.
+double SolveAndMeasure(const Scene& scene, const BundleOptions& options, BundleSummary* summary) {
+  BundleProblem problem{scene.stereo,
+                        scene.poses,
+                        {true, false, false, false, false},
+                        scene.points,
+                        scene.observations};
+  for (int i = 1; i < 5; ++i) problem.world_from_cam[i] = Disturb(scene.poses[i], 0.01, 0.03);
+  *summary = SolveBundle(options, &problem);
+  double largest = 0;
+  for (int i = 1; i < 5; ++i) {
+    const Rigid3 error = scene.poses[i].Inverse() * problem.world_from_cam[i];
+    largest = std::max(largest, error.translation.norm());
+  }
+  return largest;
+}
+
+TEST(Bundle, BoundsShrinkWithTheResiduals) {
+  // An outlier of 0.8 pixels lies within 3.5 sigmas, and far from what all others err by.
+  const Scene scene = MakeScene(5, 150, 0.05, 0.05, 0.8);
+  BundleOptions options;
+  BundleSummary fixed, shrunk;
+  const double with_fixed = SolveAndMeasure(scene, options, &fixed);
+  options.least_scale = 0.1;
+  const double with_shrunk = SolveAndMeasure(scene, options, &shrunk);
+  EXPECT_LT(with_shrunk, 0.5 * with_fixed);
+  int wrong = 0;
+  for (std::size_t i = 0; i < scene.observations.size(); ++i) {
+    wrong += shrunk.outlier[i] != scene.corrupted[i];
+  }
+  EXPECT_LE(wrong, static_cast<int>(scene.observations.size()) / 100);
+  EXPECT_EQ(std::ranges::count(fixed.outlier, true), 0);
+}
+
+TEST(Bundle, BoundsStayWhereResidualsAreAsLargeAsTheirSigmas) {
+  const Scene scene = MakeScene(5, 150, 0.15, 1.2 * kSigma);
+  BundleOptions options;
+  BundleSummary fixed, free;
+  const double with_fixed = SolveAndMeasure(scene, options, &fixed);
+  options.least_scale = 0.1;
+  EXPECT_EQ(SolveAndMeasure(scene, options, &free), with_fixed);
+  EXPECT_EQ(free.outlier, fixed.outlier);
+}
+
 TEST(OptimizePose, FindsThePoseAmongOutliers) {
   const Scene scene = MakeScene(1, 200, 0.25);
   std::vector<PointConstraint> constraints;
@@ -139,7 +187,7 @@ TEST(OptimizePose, APriorHoldsWhatFewPointsLeaveOpen) {
   std::vector<PointConstraint> constraints;
   for (const auto& o : scene.observations) {
     if ((o.seen.pixel - Eigen::Vector2d(400, 300)).norm() > 45) continue;
-    constraints.push_back({scene.points[o.point], {o.seen.pixel, -1, kNoise}});
+    constraints.push_back({scene.points[o.point], {o.seen.pixel, -1, kSigma}});
   }
   ASSERT_GE(constraints.size(), 4u);
   const Rigid3 start = Disturb(scene.poses[0], 0.001, 0.005);
@@ -305,7 +353,7 @@ LineScene MakeLineScene() {
   std::erase_if(scene.points.observations,
                 [&](const BundleProblem::Observation& o) { return !kept[o.point]; });
   std::mt19937 random(5);
-  std::normal_distribution<double> noise(0, kNoise);
+  std::normal_distribution<double> noise(0, kSigma);
   const StereoCamera& stereo = scene.points.stereo;
   for (int j = 0; j < 12; ++j) {
     const double side = j % 2 == 0 ? -1 : 1, depth = 3.5 + 0.4 * j;
@@ -326,7 +374,7 @@ LineScene MakeLineScene() {
       };
       const Rigid3 left = scene.points.poses[i].Inverse();
       const Rigid3 right(left.rotation, left.translation - Eigen::Vector3d(stereo.baseline, 0, 0));
-      LineObservation seen{segment(left), segment(right), kNoise};
+      LineObservation seen{segment(left), segment(right), kSigma};
       const bool is_shifted = scene.seen.size() % 8 == 7;
       if (is_shifted) seen.left.start += Eigen::Vector2d(12, 12);
       scene.seen.push_back({i, j, seen});

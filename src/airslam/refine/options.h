@@ -88,7 +88,7 @@ struct GlobalBundleOptions {
   int fine_iterations = 40;
   double pixel_sigma = 0.4;
   double revisit_sigma = 1.0;
-  double line_sigma = 1.0;
+  double line_sigma = 0.2;
   double huber = 1.5;
   double max_error = 3.5;
   bool use_imu = true;
@@ -103,8 +103,10 @@ struct GlobalBundleOptions {
             "Standard deviation of an observation of a landmark that was seen again after a while: "
             "the detections of two visits show the same point only to a pixel, while a track is "
             "aligned to its first patch.");
-    v.Field("line_sigma", line_sigma, {0.01, 100, "px"},
-            "Standard deviation of a line's end across the line.");
+    v.Field(
+        "line_sigma", line_sigma, {0.01, 100, "px"},
+        "Standard deviation of a line's end across the line: as of odometry, whose lines lie on "
+        "edges of the image.");
     v.Field("huber", huber, {0.1, 1000, "sigmas"}, "Larger residuals count linearly.");
     v.Field("max_error", max_error, {0.1, 1000, "sigmas"},
             "An observation with a larger error is an outlier.");
