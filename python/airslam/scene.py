@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -80,6 +81,7 @@ class Scene:
         self._rerun = load_rerun()
         self.stream = self._rerun.RecordingStream(f"airslam {name}")
         layout = _blueprint(live)
+        self._in_window = save is None
         if save is not None:
             save.parent.mkdir(parents=True, exist_ok=True)
             self.stream.save(str(save), default_blueprint=layout)
@@ -87,11 +89,26 @@ class Scene:
             if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
                 raise Error("there is no display to open the viewer on: record with --save run.rrd and open "
                               "that elsewhere with `rerun run.rrd`")
-            self.stream.spawn(default_blueprint=layout)
+            self._open_window(layout)
+
+    def _open_window(self, layout: object) -> None:
+        """Starts the viewer. Its program lies beside the interpreter, also where no environment was activated."""
+        beside = Path(sys.executable).with_name("rerun")
+        try:
+            self._rerun.spawn(executable_path=str(beside) if beside.exists() else None, default_blueprint=layout,
+                              recording=self.stream)
+        except RuntimeError as error:
+            raise Error(f"the viewer did not start ({str(error).strip().splitlines()[0]}): record with --save run.rrd "
+                        "and open that with `rerun run.rrd`") from None
 
     def close(self) -> None:
-        """Writes out what is left."""
-        self.stream.flush()
+        """Writes out what is left. A window that was closed meanwhile misses it, and nothing else does."""
+        try:
+            self.stream.flush()
+        except RuntimeError:
+            if not self._in_window:
+                raise
+            print("the viewer was closed before the end", file=sys.stderr)
         self.stream.disconnect()
 
     def at(self, seconds: float, frame: int) -> None:

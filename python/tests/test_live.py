@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rerun
 from mapped_example import mapped_example
 from recordings import Recorded
 from stand_ins import TRUTH
@@ -165,3 +168,34 @@ def test_the_end_shows_what_the_run_has_left(tmp_path: Path) -> None:
     truth, = recorded.last("/world/truth", "LineStrips3D:strips")
     gaps = np.linalg.norm(np.asarray(truth)[:, None] - estimate.world_from_body[None, :, :3, 3], axis=2)
     assert gaps.min(axis=0).max() < 0.02
+
+
+def in_window(monkeypatch: pytest.MonkeyPatch, spawn: Callable[..., None]) -> Scene:
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(rerun, "spawn", spawn)
+    return Scene("test", None, live=True)
+
+
+def test_the_window_needs_no_activated_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict = {}
+    in_window(monkeypatch, lambda **options: asked.update(options))
+    assert Path(asked["executable_path"]) == Path(sys.executable).with_name("rerun")
+    assert Path(asked["executable_path"]).exists()
+
+
+def test_a_window_that_does_not_open_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def spawn(**_: object) -> None:
+        raise RuntimeError("Failed to find the viewer.\nA page of advice.")
+
+    with pytest.raises(airslam.Error, match=r"did not start \(Failed to find the viewer\.\): record with --save"):
+        in_window(monkeypatch, spawn)
+
+
+def test_a_window_that_is_closed_ends_no_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    def flush() -> None:
+        raise RuntimeError("gRPC connection severed")
+
+    scene = in_window(monkeypatch, lambda **_: None)
+    scene.stream = SimpleNamespace(flush=flush, disconnect=lambda: None)
+    scene.close()
+    assert "closed before the end" in capsys.readouterr().err
