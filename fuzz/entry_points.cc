@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "entry_points.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -15,6 +17,7 @@
 #include "airslam/map/map_file.h"
 #include "airslam/map/map_summary.h"
 #include "airslam/neural/model_pack.h"
+#include "airslam/place/vocabulary.h"
 #include "airslam/sensor/calibration.h"
 #include "airslam/sensor/rectification.h"
 #include "airslam/sensor/temporary_folder.h"
@@ -195,7 +198,24 @@ void FuzzModelPack(Bytes bytes) {
   Try([&] { ReadModelPack(folder.path().string()); });
 }
 
-constexpr std::array<FuzzTarget, 10> kTargets = {{{"map", FuzzMap},
+// What was accepted finds a word for every descriptor, and is written as it was read.
+void FuzzVocabulary(Bytes bytes) {
+  Try([&] {
+    const auto read = Vocabulary::Decode(std::as_bytes(bytes), "vocabulary");
+    if (read.empty()) return;
+    const DescriptorMatrix descriptors =
+        DescriptorMatrix::Identity(std::min(4, read.descriptor_size()), read.descriptor_size());
+    for (const WordWeight& word : read.Bag(read.Words(descriptors))) {
+      if (word.word < 0 || word.word >= read.words()) throw std::logic_error("a word of none");
+      if (!std::isfinite(word.weight)) throw std::logic_error("a word without a weight");
+    }
+    if (!std::ranges::equal(read.Encode(), std::as_bytes(bytes))) {
+      throw std::logic_error("a vocabulary is written otherwise than it was read");
+    }
+  });
+}
+
+constexpr std::array<FuzzTarget, 11> kTargets = {{{"map", FuzzMap},
                                                   {"euroc_calibration", FuzzEurocCalibration},
                                                   {"kalibr_calibration", FuzzKalibrCalibration},
                                                   {"kitti_calibration", FuzzKittiCalibration},
@@ -204,7 +224,8 @@ constexpr std::array<FuzzTarget, 10> kTargets = {{{"map", FuzzMap},
                                                   {"kitti_times", FuzzKittiTimes},
                                                   {"trajectory", FuzzTrajectory},
                                                   {"options", FuzzOptions},
-                                                  {"model_pack", FuzzModelPack}}};
+                                                  {"model_pack", FuzzModelPack},
+                                                  {"vocabulary", FuzzVocabulary}}};
 
 }  // namespace
 
