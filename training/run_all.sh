@@ -14,7 +14,9 @@ $python -m airslam_training.train_plnet                        # config/plnet.ya
 $python -m airslam_training.export                             # models/airslam-fast/plnet.onnx, manifest.json
 $python -m airslam_training.mlsd                               # the line teacher's answers to views of each photo
 $python -m airslam_training.line_labels                        # merged, fitted to gradients; exact edges of scenes
-$python -m airslam_training.train_lines                        # config/lines.yaml
+$python -m airslam_training.train_lines                        # config/lines.yaml, then what it was gone on with
+$python -m airslam_training.train_lines --config config/lines_ends.yaml --run lines_ends --processes 1
+$python -m airslam_training.train_lines --config config/lines_long.yaml --run lines_long --processes 1
 ../build/bin/airslam train-vocabulary /work/shared/data/photos --out ../models/airslam-fast/vocabulary.bin  # its words; make build
 $python -m airslam_training.features                           # our features of altered views
 $python -m airslam_training.train_matcher                      # config/matcher.yaml

@@ -50,7 +50,7 @@ def read(path) -> dict[str, np.ndarray]:
 
 def curves() -> None:
     """Losses and validation of every run; the csv logs are copied beside the pictures."""
-    for name in ("plnet", "lines", "lines_ends", "matcher"):
+    for name in ("plnet", "lines", "lines_ends", "lines_long", "matcher"):
         folder = CACHE / "runs" / name
         if not (folder / "validation.csv").exists():
             continue
@@ -137,7 +137,7 @@ def draw_lines(image: np.ndarray, found: np.ndarray, size: tuple[int, int], leas
 
 def lines(photos: int = 15) -> None:
     """Lines of three rooms without photos, in three lightings each; and of held-out photos, light and dark."""
-    detector = ours(CACHE / "runs/lines/checkpoint.pt")
+    detector = ours(CACHE / "runs/lines_long/checkpoint.pt")
 
     def tile(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
         large = cv2.resize(image, None, fx=480 / min(image.shape), fy=480 / min(image.shape))

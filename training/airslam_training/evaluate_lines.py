@@ -114,7 +114,7 @@ def program(binary: Path, images: list[np.ndarray]) -> Detector:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--checkpoint", type=Path, default=CACHE / "runs/lines/checkpoint.pt")
+    parser.add_argument("--checkpoint", type=Path, default=CACHE / "runs/lines_long/checkpoint.pt")
     parser.add_argument("--program", type=Path, default=ROOT.parent / "build/bin/airslam")
     options = parser.parse_args()
     names = {"yorkurban": "YorkUrban (51 images)", "photos": "held-out photos", "scenes": "held-out procedural views"}

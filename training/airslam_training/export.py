@@ -15,11 +15,13 @@ from pathlib import Path
 
 import onnx
 import torch
+import yaml
 from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from .cache import CACHE
 from .lines import END_OFFSETS, JUNCTION, REACH, STRIDE, DecoderOptions, LineConfig, LineModule, LineNeck, classifier_size
+from .loop import ROOT
 from .matcher import Matcher, MatcherConfig
 from .networks import PLNet, PLNetConfig
 from .quantize import FLOAT, FLOAT_NECK, features, photos, quantize
@@ -208,10 +210,15 @@ def scratch(name: str):
         yield Path(folder) / name
 
 
+def config_of(name: str, seed: int) -> str:
+    """The name of a network's configuration with this seed: each of its rounds has one of its own."""
+    return next(f.name for f in sorted((ROOT / "config").glob(f"{name}*.yaml")) if yaml.safe_load(f.read_text())["seed"] == seed)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plnet", type=Path, default=CACHE / "runs/plnet/checkpoint.pt")
-    parser.add_argument("--lines", type=Path, default=CACHE / "runs/lines/checkpoint.pt")
+    parser.add_argument("--lines", type=Path, default=CACHE / "runs/lines_long/checkpoint.pt")
     parser.add_argument("--matcher", type=Path, default=CACHE / "runs/matcher/checkpoint.pt")
     parser.add_argument("--quality", type=Path, help="json with measured numbers, copied into the manifest")
     parser.add_argument("--only", nargs="*", default=["plnet", "lines", "matcher"], help="leave the others as they are")
@@ -225,8 +232,8 @@ def main() -> None:
         if not checkpoint.exists():
             continue
         state = torch.load(checkpoint, map_location="cpu", weights_only=True)
-        start = state["config"].get("start")  # what config/lines.yaml trained was gone on with
-        training[name] = {"config": f"training/config/{name}{'_ends' if start else ''}.yaml", "seed": state["config"]["seed"], "steps": state["step"]}
+        seed = state["config"]["seed"]
+        training[name] = {"config": f"training/config/{config_of(name, seed)}", "seed": seed, "steps": state["step"]}
         if name == "plnet":
             with scratch("plnet.onnx") as raw:
                 export_plnet(load_plnet(checkpoint), raw)

@@ -16,8 +16,11 @@ from .lines import REACH, STRIDE
 from .mlsd import FOLDER
 from .teacher import SHARED
 
-# Scales reach from whole pictures in little detail to parts as large as a camera of 480 rows sees them.
-VIEWS = HomographyRange(scale_min=0.6, scale_max=1.9, rotation_deg=12.0, perspective=0.2, shift=0.1)
+
+def view_range(scales: tuple[float, float]) -> HomographyRange:
+    """How views differ. `scales`, of the view that just covers the shorter side: from whole pictures in little detail to
+    parts as large as a camera sees them."""
+    return HomographyRange(scale_min=scales[0], scale_max=scales[1], rotation_deg=12.0, perspective=0.2, shift=0.1)
 
 
 def clip_segments(segments: np.ndarray, size: int, shortest: float = 8.0) -> np.ndarray:
@@ -121,8 +124,9 @@ def sources(held: bool = False) -> dict[str, Source]:
 class Views:
     """Random batches of views, read ahead in a thread. `shares`: source -> how often it is drawn."""
 
-    def __init__(self, pools: list[tuple[Source, float]], batch: int, size: int, seed: int):
+    def __init__(self, pools: list[tuple[Source, float]], batch: int, size: int, scales: tuple[float, float], seed: int):
         self.pools = [p for p, _ in pools]
+        self.range = view_range(scales)
         self.share = np.array([s for _, s in pools]) / sum(s for _, s in pools)
         self.batch, self.size, self.rng = batch, size, np.random.default_rng(seed)
         self.queue: queue.Queue = queue.Queue(maxsize=3)
@@ -133,7 +137,7 @@ class Views:
         pool = self.pools[rng.choice(len(self.pools), p=self.share)]
         i = int(rng.integers(len(pool.names)))
         image = pool.image(i)
-        h = random_homography(rng, image.shape, size, VIEWS)
+        h = random_homography(rng, image.shape, size, self.range)
         if rng.random() < 0.5:
             h = np.array([[-1.0, 0, size - 1], [0, 1, 0], [0, 0, 1]]) @ h
         segments = warp_segments(h, pool.segments[i], size)

@@ -166,7 +166,8 @@ def train(config: dict, folder: Path, rank: int = 0, processes: int = 1) -> None
     pools = [(s, config["shares"][k]) for k, s in sources().items() if config["shares"].get(k)]
     if config["wireframe"]:
         pools.append((Wireframe(Path(config["wireframe"])), config["wireframe_share"]))
-    data = Views(pools, config["batch"] // processes, config["size"], config["seed"] + 1000 * trainer.step + rank)
+    data = Views(pools, config["batch"] // processes, config["size"], config["scales"],
+                 config["seed"] + 1000 * trainer.step + rank)
     print(f"process {rank}: {[len(p.names) for p, _ in pools]} images, from step {trainer.step}", flush=True)
     sums: list[dict] = []
     start = time.time()
