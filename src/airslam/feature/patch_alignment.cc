@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
 
 namespace airslam {
@@ -74,8 +75,12 @@ struct Template {
   Eigen::Matrix2d hessian_inverse;
 };
 
+// Not OpenCV's v_load_expand_q, which reads an int from an address that is none of an int's.
 Four LoadGrey(const std::uint8_t* p) {
-  return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(p)));
+  std::uint32_t bytes;
+  std::memcpy(&bytes, p, sizeof(bytes));
+  const cv::v_uint8x16 grey = cv::v_reinterpret_as_u8(cv::v_uint32x4(bytes, 0, 0, 0));
+  return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_expand_low(cv::v_expand_low(grey))));
 }
 
 // Samples the axis-aligned patch around `pixel` less `level`: all samples share their bilinear

@@ -40,7 +40,7 @@ TEST_F(StereoMatching, FindsSubPixelDisparityAlongTheRow) {
 
 // The second keypoint's surroundings are seen at a second place, too.
 TEST_F(StereoMatching, SeeksWhereALandmarkIsExpected) {
-  right_image_(cv::Rect(110, 30, 50, 60)).copyTo(right_image_(cv::Rect(74, 30, 50, 60)));
+  right_image_(cv::Rect(110, 30, 50, 60)).clone().copyTo(right_image_(cv::Rect(74, 30, 50, 60)));
   EXPECT_EQ(Match({})[1], -1);
   const std::vector<float> expected = {-1, 11, -1};
   EXPECT_NEAR(150 - Match(expected)[1], kDisparity, 0.05);
