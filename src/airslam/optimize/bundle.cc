@@ -127,24 +127,47 @@ bool IsOutlier(double squares, int rows, double max_error) {
   return squares * 2 / rows > max_error * max_error;
 }
 
-std::vector<bool> PointOutliers(const Errors& errors, double max_error) {
-  std::vector<bool> outlier(errors.squares.size());
-  for (std::size_t i = 0; i < outlier.size(); ++i) {
-    outlier[i] = IsOutlier(errors.squares[i], errors.rows[i], max_error);
+// Which observations lie beyond the bound, what the others err by, and what the bounds were scaled
+// by.
+struct Verdict {
+  std::vector<bool> outlier;
+  Errors errors;
+  double scale = 1;
+};
+
+// `is_outlier`: of an observation by its number, squared residual, coordinates and the bound.
+Verdict Judge(std::vector<double> squares, const auto& observations,
+              const std::vector<bool>& outlier_before, double unknowns,
+              const BundleOptions& options, const auto& is_outlier) {
+  Verdict verdict;
+  verdict.errors = Sum(std::move(squares), observations, outlier_before);
+  verdict.scale = ScaleOf(verdict.errors, unknowns, options.least_scale);
+  const double bound = verdict.scale * options.max_error;
+  for (std::size_t i = 0; i < verdict.errors.squares.size(); ++i) {
+    verdict.outlier.push_back(
+        is_outlier(i, verdict.errors.squares[i], verdict.errors.rows[i], bound));
   }
-  return outlier;
+  verdict.errors = Sum(std::move(verdict.errors.squares), observations, verdict.outlier);
+  return verdict;
 }
 
-std::vector<bool> LineOutliers(const BundleProblem& bundle, const BundleSolver& solver,
-                               const Errors& errors, double max_error) {
-  std::vector<bool> outlier(errors.squares.size());
-  for (std::size_t i = 0; i < outlier.size(); ++i) {
-    const LineSeen& o = bundle.line_observations[i];
-    outlier[i] = IsOutlier(errors.squares[i], errors.rows[i], max_error) ||
-                 !LiesInFront(bundle.stereo, PoseOf(solver, o.pose),
-                              LineFromParameter(solver.line_in_world(o.line)), o.seen);
-  }
-  return outlier;
+Verdict JudgePoints(const BundleProblem& bundle, BundleSolver& solver, const BundleOptions& options,
+                    const std::vector<bool>& outlier_before) {
+  return Judge(solver.PointErrors(), bundle.observations, outlier_before, PointUnknowns(bundle),
+               options, [](std::size_t, double squares, int rows, double bound) {
+                 return IsOutlier(squares, rows, bound);
+               });
+}
+
+Verdict JudgeLines(const BundleProblem& bundle, BundleSolver& solver, const BundleOptions& options,
+                   const std::vector<bool>& outlier_before) {
+  return Judge(solver.LineErrors(), bundle.line_observations, outlier_before, LineUnknowns(bundle),
+               options, [&](std::size_t i, double squares, int rows, double bound) {
+                 const LineSeen& o = bundle.line_observations[i];
+                 return IsOutlier(squares, rows, bound) ||
+                        !LiesInFront(bundle.stereo, PoseOf(solver, o.pose),
+                                     LineFromParameter(solver.line_in_world(o.line)), o.seen);
+               });
 }
 
 // The variance of a pixel coordinate as the residuals show it, in squares of its assumed sigma:
@@ -189,17 +212,14 @@ BundleSummary SolveBundle(const BundleOptions& options, BundleProblem* problem) 
     };
     summary.iterations += solver.Solve(rules);
     first_iteration += iterations;
-    points = Sum(solver.PointErrors(), problem->observations, summary.outlier);
-    const double scale = ScaleOf(points, PointUnknowns(*problem), options.least_scale);
-    summary.outlier = PointOutliers(points, scale * options.max_error);
-    points = Sum(std::move(points.squares), problem->observations, summary.outlier);
-    rules.point_loss = {scale * options.huber};
-    Errors lines = Sum(solver.LineErrors(), problem->line_observations, summary.line_outlier);
-    const double line_scale = ScaleOf(lines, LineUnknowns(*problem), options.least_scale);
-    summary.line_outlier = LineOutliers(*problem, solver, lines, line_scale * options.max_error);
-    summary.line_rms =
-        Sum(std::move(lines.squares), problem->line_observations, summary.line_outlier).Rms();
-    rules.line_loss = {line_scale * options.huber};
+    Verdict of_points = JudgePoints(*problem, solver, options, summary.outlier);
+    points = std::move(of_points.errors);
+    summary.outlier = std::move(of_points.outlier);
+    rules.point_loss = {of_points.scale * options.huber};
+    Verdict of_lines = JudgeLines(*problem, solver, options, summary.line_outlier);
+    summary.line_rms = of_lines.errors.Rms();
+    summary.line_outlier = std::move(of_lines.outlier);
+    rules.line_loss = {of_lines.scale * options.huber};
     solver.SetOutliers(summary.outlier, summary.line_outlier);
   }
   summary.final_rms = points.Rms();
