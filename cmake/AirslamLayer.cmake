@@ -12,6 +12,11 @@ if(AIRSLAM_FUZZ)
                          -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
   target_link_options(airslam_flags INTERFACE -fsanitize=address,undefined)
 endif()
+if(AIRSLAM_SANITIZE OR AIRSLAM_FUZZ)
+  # With AddressSanitizer Eigen would align its memory by hand, and free by hand what Ceres has
+  # allocated with glibc's malloc, which aligns it anyway.
+  target_compile_definitions(airslam_flags INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
+endif()
 if(AIRSLAM_SANITIZE)
   target_compile_options(airslam_flags INTERFACE -fsanitize=${AIRSLAM_SANITIZE} -fno-omit-frame-pointer -g)
   # GCC takes instrumented std::optional for uninitialized; the plain build still warns.
