@@ -98,8 +98,9 @@ class Scene:
             self._rerun.spawn(executable_path=str(beside) if beside.exists() else None, default_blueprint=layout,
                               recording=self.stream)
         except RuntimeError as error:
-            raise Error(f"the viewer did not start ({str(error).strip().splitlines()[0]}): record with --save run.rrd "
-                        "and open that with `rerun run.rrd`") from None
+            reason = str(error).strip().partition("\n")[0]
+            raise Error(f"the viewer did not start ({reason}): record with --save run.rrd and open that with "
+                        "`rerun run.rrd`") from None
 
     def close(self) -> None:
         """Writes out what is left. A window that was closed meanwhile misses it, and nothing else does."""

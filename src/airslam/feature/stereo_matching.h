@@ -14,8 +14,8 @@ namespace airslam {
 
 struct StereoMatchingOptions {
   double max_row_difference = 1.0;  // pixels, after alignment
-  double min_depth = 0.3;      // metres: bounds the disparity
-  double min_disparity = 0.3;  // pixels: below it the depth is unknown
+  double min_depth = 0.3;           // metres: bounds the disparity
+  double min_disparity = 0.3;       // pixels: below it the depth is unknown
   // With fewer matches at full resolution than this, those at half resolution, where noise is
   // weaker, count as well.
   int coarse_below = 80;

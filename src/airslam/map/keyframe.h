@@ -39,7 +39,7 @@ struct Keyframe {
   std::vector<LandmarkId> landmarks;  // kNoLandmark: none
 
   // Detected lines: row i of `right_lines` and `line_landmarks` belongs to lines[i]. A line's ends
-  // are junctions: the coordinates are the same, bit for bit.
+  // are junctions, from which they have moved onto the line's edge (RefineLine).
   std::vector<LineSegment> lines;
   std::vector<LineSegment> right_lines;    // the match in the right image; score < 0: none
   std::vector<LandmarkId> line_landmarks;  // of Map::line_landmarks; kNoLandmark: none

@@ -24,7 +24,7 @@ struct LineSearchImages {
 // The lines of a keyframe.
 struct KeyframeLines {
   KeyframeId keyframe = -1;
-  Detections left;                 // lines on their edges (RefineLine), and junctions
+  Detections left;                 // lines on their edges (RefineLine), junctions as detected
   std::vector<LineSegment> right;  // one a left line, kNoLine where it is not found
 };
 

@@ -37,7 +37,7 @@ class BundleSolver {
     int max_iterations = 10;
     double function_tolerance = 1e-4;  // of the cost: a step that changes it by less is the last
     Huber point_loss, line_loss;
-    double kept_weight = 1;            // of the squares of the kept factors
+    double kept_weight = 1;                           // of the squares of the kept factors
     std::function<void(int)> on_iteration = nullptr;  // called with 0, 1, ...
   };
 

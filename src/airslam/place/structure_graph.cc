@@ -5,10 +5,13 @@
 #include <cstddef>
 #include <iterator>
 
+#include "airslam/feature/line_refinement.h"
+
 namespace airslam {
 namespace {
 
-constexpr float kMaxEndDistance = 1.0F;  // pixels, of a line's end from its junction
+// Pixels, of a line's end from its junction: a keyframe's lines have moved onto their edges since.
+constexpr auto kMaxEndDistance = static_cast<float>(LineRefinementOptions{}.reach);
 
 int NearestJunction(float x, float y, std::span<const Keypoint> junctions) {
   int nearest = -1;

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "airslam/feature/line_refinement.h"
+
 namespace airslam {
 namespace {
 
@@ -54,6 +56,15 @@ TEST(StructureGraphTest, JoinsLinesToTheJunctionsAtTheirEnds) {
                                           {50, 40, 50.2F, 40.2F, 1}};  // both ends at one junction
   EXPECT_THAT(JoinLines(lines, junctions), ElementsAre(Pair(0, 1), Pair(1, 2)));
   EXPECT_THAT(JoinLines({}, junctions), IsEmpty());
+}
+
+TEST(StructureGraphTest, EndsThatMovedOntoTheirEdgeKeepTheirJunctions) {
+  const std::vector<Keypoint> junctions = {{10, 10, 1}, {50, 10, 1}, {50, 14, 1}};
+  const auto moved = static_cast<float>(LineRefinementOptions().reach) - 0.1F;
+  EXPECT_THAT(JoinLines(std::vector<LineSegment>{{10, 10 - moved, 50, 11.9F, 1}}, junctions),
+              ElementsAre(Pair(0, 1)));
+  EXPECT_THAT(JoinLines(std::vector<LineSegment>{{10, 10, 50, 10 - moved - 0.2F, 1}}, junctions),
+              IsEmpty());
 }
 
 TEST(StructureGraphTest, MatchesOneToOneWithinAWord) {
