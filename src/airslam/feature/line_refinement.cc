@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/feature/line_refinement.h"
 
-#include <Eigen/LU>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
 #include <vector>
+
+#include "airslam/feature/even_change.h"
 
 namespace airslam {
 namespace {
@@ -20,13 +22,8 @@ constexpr int kPerPixel = 2;       // steps
 // brightly does not outweigh all of it.
 constexpr float kFullGradient = 60;
 
-// An edge that deviates from a line by `at_start` pixels at its start and by `at_end` at its end.
-struct Deviation {
-  double at_start = 0;
-  double at_end = 0;
-
-  double At(double place) const { return at_start + place * (at_end - at_start); }
-};
+// How far an edge lies across a line, in pixels along it.
+using Deviation = EvenChange;
 
 double PlaceAt(int i) { return (i + 0.5) / kPlaces; }
 
@@ -135,21 +132,16 @@ std::optional<double> Crest(const EdgeProfiles& profiles, int place, double abou
 // Least squares over the crests that lie within `max_residual` of a deviation.
 std::optional<Deviation> FitCrests(const EdgeProfiles& profiles, const Candidate& about,
                                    double max_residual, const LineRefinementOptions& options) {
-  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d right = Eigen::Vector2d::Zero();
-  int seen = 0;
+  std::vector<PlacedValue> crests;
   for (int i = 0; i < kPlaces; ++i) {
     const double expected = about.deviation.At(PlaceAt(i));
     const auto crest = Crest(profiles, i, expected, about.sign, options.min_gradient);
-    if (!crest || std::abs(*crest - expected) > max_residual) continue;
-    const Eigen::Vector2d weight(1 - PlaceAt(i), PlaceAt(i));
-    normal += weight * weight.transpose();
-    right += *crest * weight;
-    ++seen;
+    if (crest && std::abs(*crest - expected) <= max_residual)
+      crests.push_back({PlaceAt(i), *crest});
   }
+  const auto seen = static_cast<double>(crests.size());
   if (seen < options.min_share * kPlaces || seen < 2) return std::nullopt;
-  const Eigen::Vector2d ends = normal.inverse() * right;
-  return Deviation{ends[0], ends[1]};
+  return FitEvenChange(crests);
 }
 
 LineSegment Moved(const LineSegment& line, const Deviation& deviation) {

@@ -5,29 +5,22 @@
 #include <cmath>
 #include <optional>
 
+#include "airslam/feature/even_change.h"
+
 namespace airslam {
 namespace {
 
-// A place along a line, 0 at its start and 1 at its end, and the disparity found there.
-struct Sample {
-  double place = 0;
-  double disparity = 0;  // pixels
-};
+// Disparities in pixels along a line.
+using Sample = PlacedValue;
+using DisparityLine = EvenChange;
 
-// disparity = at_start + place * (at_end - at_start)
-struct DisparityLine {
-  double at_start = 0;
-  double at_end = 0;
-
-  double At(double place) const { return at_start + place * (at_end - at_start); }
-  double Residual(const Sample& sample) const {
-    return std::abs(sample.disparity - At(sample.place));
-  }
-};
+double Residual(const DisparityLine& line, const Sample& sample) {
+  return std::abs(sample.value - line.At(sample.place));
+}
 
 DisparityLine Through(const Sample& a, const Sample& b) {
-  const double slope = (b.disparity - a.disparity) / (b.place - a.place);
-  const double at_start = a.disparity - slope * a.place;
+  const double slope = (b.value - a.value) / (b.place - a.place);
+  const double at_start = a.value - slope * a.place;
   return {at_start, at_start + slope};
 }
 
@@ -35,7 +28,7 @@ std::vector<Sample> Agreeing(std::span<const Sample> samples, const DisparityLin
                              double max_residual) {
   std::vector<Sample> agreeing;
   for (const Sample& sample : samples) {
-    if (line.Residual(sample) <= max_residual) agreeing.push_back(sample);
+    if (Residual(line, sample) <= max_residual) agreeing.push_back(sample);
   }
   return agreeing;
 }
@@ -48,7 +41,7 @@ DisparityLine Consensus(std::span<const Sample> samples, double max_residual) {
     for (std::size_t j = i + 1; j < samples.size(); ++j) {
       const DisparityLine line = Through(samples[i], samples[j]);
       const auto agree = std::count_if(samples.begin(), samples.end(), [&](const Sample& sample) {
-        return line.Residual(sample) <= max_residual;
+        return Residual(line, sample) <= max_residual;
       });
       if (agree > most) {
         most = agree;
@@ -57,25 +50,6 @@ DisparityLine Consensus(std::span<const Sample> samples, double max_residual) {
     }
   }
   return best;
-}
-
-// Least squares. The places differ.
-DisparityLine Fit(std::span<const Sample> samples) {
-  double n = 0, place = 0, disparity = 0;
-  for (const Sample& s : samples) {
-    n += 1;
-    place += s.place;
-    disparity += s.disparity;
-  }
-  place /= n;
-  disparity /= n;
-  double square = 0, product = 0;
-  for (const Sample& s : samples) {
-    square += (s.place - place) * (s.place - place);
-    product += (s.place - place) * (s.disparity - disparity);
-  }
-  const double slope = product / square;
-  return {disparity - slope * place, disparity + slope * (1 - place)};
 }
 
 // The search of one line.
@@ -133,7 +107,7 @@ class RightLineSearch {
     if (static_cast<double>(samples.size()) < needed) return std::nullopt;
     const auto agreeing = Agreeing(samples, Consensus(samples, max_residual), max_residual);
     if (static_cast<double>(agreeing.size()) < needed) return std::nullopt;
-    return Fit(agreeing);
+    return FitEvenChange(agreeing);
   }
 
   const LineSegment& line_;
