@@ -211,6 +211,7 @@ void Odometry::Hit(const PreparedFrame& frame, const FrameView& view, TrackedFra
   if (!was_lost && !NeedsKeyframe(tracked)) return;
   ScopedStage stage(times_, "keyframe");
   std::future<ImagePyramid> right = PrepareRight(frame);
+  view.features.detections();  // they need no map: found while the bundle may still run
   // The keyframe must start from the latest map; its own pose moves with its reference.
   if (bundle_due_) TakeBundle();
   tracked.world_from_cam =
