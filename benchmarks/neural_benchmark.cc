@@ -50,7 +50,7 @@ void BM_PlNet(benchmark::State& state) {
   options.precision = state.range(1) != 0 ? Precision::kBf16 : Precision::kF32;
   PlNet plnet(Pack().features, OpenVinoLoader(options));
   const cv::Mat image = Picture(0);
-  plnet.Prepare(kSize);
+  plnet.PrepareFeatures(kSize);
   for (auto _ : state) {
     benchmark::DoNotOptimize(plnet.Detect(image, cv::Mat(), kKeypoints));
   }
@@ -67,7 +67,8 @@ void BM_PlNetWithLines(benchmark::State& state) {
   options.precision = state.range(0) != 0 ? Precision::kBf16 : Precision::kF32;
   PlNet plnet(Pack().features, OpenVinoLoader(options));
   const cv::Mat image = Picture(0);
-  plnet.Prepare(kSize, true);
+  plnet.PrepareFeatures(kSize);
+  plnet.PrepareLines(kSize);
   for (auto _ : state) {
     benchmark::DoNotOptimize(plnet.Detect(image, cv::Mat(), {kKeypoints, true}));
   }
@@ -84,7 +85,8 @@ BENCHMARK(BM_PlNetWithLines)
 void BM_FindLines(benchmark::State& state) {
   PlNet plnet(Pack().features);
   const cv::Mat image = Picture(0);
-  plnet.Prepare(kSize, true);
+  plnet.PrepareFeatures(kSize);
+  plnet.PrepareLines(kSize);
   DetectionRequest request(kKeypoints, true);
   request.keep_maps = true;
   const Detections seen = plnet.Detect(image, cv::Mat(), request);

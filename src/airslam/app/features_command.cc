@@ -98,8 +98,8 @@ void RunFeatures(const FeaturesArguments& arguments) {
   const cv::Mat image1 = ReadGreyPicture(arguments.image1);
   const ModelPack pack = LoadModelPack(arguments.model);
   PlNet plnet(pack.features);
-  plnet.Prepare(image0.size());
-  plnet.Prepare(image1.size());
+  plnet.PrepareFeatures(image0.size());
+  plnet.PrepareFeatures(image1.size());
   const std::unique_ptr<FeatureMatcher> matcher = MakeMatcher(arguments.matcher, pack);
 
   const auto match = [&](const Detections& features0, const Detections& features1) {

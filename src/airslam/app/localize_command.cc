@@ -105,7 +105,9 @@ struct Worker {
         matcher(MakeMatcher(pack)),
         localizer(map, detector, *matcher, options) {
     const Pinhole& pinhole = camera.pinhole();
-    detector.Prepare(cv::Size(pinhole.width, pinhole.height), localizer.uses_structure_graph());
+    const cv::Size size(pinhole.width, pinhole.height);
+    detector.PrepareFeatures(size);
+    if (localizer.uses_structure_graph()) detector.PrepareLines(size);
   }
 
   PlNet detector;

@@ -3,10 +3,12 @@
 
 #include <unistd.h>
 
+#include <clocale>
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
 #include <openvino/openvino.hpp>
+#include <string>
 #include <utility>
 
 #include "airslam/common/error.h"
@@ -97,10 +99,31 @@ bool IsWritableFolder(const std::filesystem::path& folder) {
 }
 
 // With a cache OpenVINO sets the process's locale to "C" while it compiles, and back: on two
-// threads at once it stayed so, and a Python program could then write no letter beyond ASCII.
+// threads at once it stayed so, and a Python program could then write no letter beyond ASCII. So it
+// is "C" from the first of such threads to the last, and OpenVINO finds nothing to change.
+class PlainLocale {
+ public:
+  PlainLocale() {
+    const std::scoped_lock lock(mutex_);
+    if (users_++ > 0) return;
+    before_ = std::setlocale(LC_ALL, nullptr);
+    std::setlocale(LC_ALL, "C");
+  }
+  ~PlainLocale() {
+    const std::scoped_lock lock(mutex_);
+    if (--users_ == 0) std::setlocale(LC_ALL, before_.c_str());
+  }
+  PlainLocale(const PlainLocale&) = delete;
+  PlainLocale& operator=(const PlainLocale&) = delete;
+
+ private:
+  static inline std::mutex mutex_;
+  static inline int users_ = 0;
+  static inline std::string before_;
+};
+
 ov::CompiledModel Compile(const std::shared_ptr<ov::Model>& model, const ov::AnyMap& config) {
-  static std::mutex mutex;
-  const std::scoped_lock lock(mutex);
+  const PlainLocale locale;
   return Core().compile_model(model, "CPU", config);
 }
 

@@ -159,10 +159,14 @@ void PlNet::LoadLines(Instance& instance) {
   instance.lines = std::move(network);
 }
 
-void PlNet::Prepare(cv::Size image_size, bool lines) {
+void PlNet::PrepareFeatures(cv::Size image_size) {
   Instance& instance = InstanceFor(image_size);
   if (!instance.features) LoadFeatures(instance);
-  if (lines && finds_lines() && !instance.lines) LoadLines(instance);
+}
+
+void PlNet::PrepareLines(cv::Size image_size) {
+  Instance& instance = InstanceFor(image_size);
+  if (finds_lines() && !instance.lines) LoadLines(instance);
 }
 
 FeatureMap PlNet::MapOf(const ImageMaps& maps, std::size_t index) const {

@@ -51,9 +51,10 @@ class PlNet : public FeatureDetector {
   int descriptor_size() const override { return spec_.descriptor_size; }
   bool finds_lines() const override { return spec_.lines.has_value(); }
 
-  // Compiles the networks for images of this size now rather than at the first of them, with or
-  // without the line module.
-  void Prepare(cv::Size image_size, bool lines = false);
+  // Compiles what finds features, or lines, in images of this size now rather than at the first of
+  // them. Throws Error when a network does not fit what the pack says of it.
+  void PrepareFeatures(cv::Size image_size);
+  void PrepareLines(cv::Size image_size);  // nothing without a line module
 
  private:
   struct Instance;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "airslam/odometry/map_run.h"
 
+#include <future>
+
 #include "airslam/common/options.h"
 #include "airslam/neural/make_matcher.h"
 
@@ -21,11 +23,25 @@ MapRun::MapRun(const StereoRig& rig, const MapRunRequest& request)
       pack_(LoadModelPack(request_.model_pack)),
       detector_(pack_.features),
       line_detector_(pack_.features),
-      matcher_(MakeMatcher(pack_)) {
+      matcher_(LoadNetworks()) {
   if (request_.out.empty()) return;
   out_.emplace(request_.out);
   recorder_.emplace(out_->partial() / "map.db", MakeMapCalibration(rig_, rectifier_), pack_.name,
                     pack_.features.network.sha256, times_);
+}
+
+// Side by side, because a frame that waits for one is late: the detectors' networks are theirs, the
+// matcher is returned.
+std::unique_ptr<FeatureMatcher> MapRun::LoadNetworks() {
+  const Pinhole& camera = rectifier_.stereo().camera;
+  const cv::Size size(camera.width, camera.height);
+  auto matcher = std::async(std::launch::async, [this] { return MakeMatcher(pack_); });
+  auto lines = std::async(std::launch::async, [this, size] {
+    if (request_.options.lines.enabled) line_detector_.PrepareLines(size);
+  });
+  detector_.PrepareFeatures(size);
+  lines.get();
+  return matcher.get();
 }
 
 RunInfo MapRun::Commit(const PipelineResult& result, int sequence_frames,

@@ -34,8 +34,8 @@ struct MapRunRequest {
 // and the map file in it. The program and the Python package both make their maps with it.
 class MapRun {
  public:
-  // Throws Error when the options are wrong, the rig cannot be rectified, the pack cannot be read
-  // or the folder cannot be written.
+  // Throws Error when the options are wrong, the rig cannot be rectified, the pack cannot be read,
+  // a network does not fit or the folder cannot be written.
   MapRun(const StereoRig& rig, const MapRunRequest& request);
 
   const StereoRectifier& rectifier() const { return rectifier_; }
@@ -52,6 +52,8 @@ class MapRun {
                  const std::string& stopped_by = {});
 
  private:
+  std::unique_ptr<FeatureMatcher> LoadNetworks();
+
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   const MapRunRequest request_;
   const StereoRig rig_;
