@@ -40,8 +40,7 @@ TEST(GuidedMatching, TakesTheSimilarWithinTheRadius) {
   const KeypointGrid grid(keypoints, 100, 100);
   const DescriptorMatrix seen = OneHot({3, 1, 2});
   const std::vector<Expectation> expectations = {{0, {12, 12}}, {1, {12, 12}}};
-  const auto matches =
-      MatchExpectations(expectations, OneHot({1, 2}), grid, seen, {20, 0.5});
+  const auto matches = MatchExpectations(expectations, OneHot({1, 2}), grid, seen, {20, 0.5});
   // Expectation 0 looks like keypoint 1; the only look-alike of expectation 1 is too far away.
   ASSERT_EQ(matches.size(), 1u);
   EXPECT_EQ(matches[0].index0, 0);

@@ -9,9 +9,9 @@ namespace airslam {
 
 struct PatchAlignmentOptions {
   int max_iterations = 12;
-  double convergence = 0.01;       // pixels: stop when a step is shorter
-  double max_displacement = 4.0;   // pixels from the initial guess
-  double min_correlation = 0.75;   // zero-mean normalised, in [-1, 1]
+  double convergence = 0.01;      // pixels: stop when a step is shorter
+  double max_displacement = 4.0;  // pixels from the initial guess
+  double min_correlation = 0.75;  // zero-mean normalised, in [-1, 1]
 };
 
 struct PatchAlignment {

@@ -30,8 +30,8 @@ void MotionModel::Observe(std::int64_t timestamp_ns, KeyframeId reference,
 
 PosePrior MotionModel::Predict(std::int64_t timestamp_ns,
                                const Rigid3& world_from_reference) const {
-  constexpr double kUnknown = 1e3;      // radians, metres
-  constexpr double kChange = 10;        // m/s^2, rad/s^2
+  constexpr double kUnknown = 1e3;        // radians, metres
+  constexpr double kChange = 10;          // m/s^2, rad/s^2
   constexpr double kVelocityNoise = 0.1;  // m/s, rad/s: of the velocity itself
   const Rigid3 world_from_last = world_from_reference * reference_from_last_;
   const double seconds = 1e-9 * static_cast<double>(timestamp_ns - last_timestamp_ns_);

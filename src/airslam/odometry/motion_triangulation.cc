@@ -27,8 +27,7 @@ Eigen::Vector2d Pixel(const Keyframe& keyframe, int index) {
 
 // Mutually most similar keypoints near each other's epipolar line.
 std::vector<Match> MatchEpipolar(const Keyframe& earlier, const Keyframe& later,
-                                 const Pinhole& camera,
-                                 const MotionTriangulationOptions& options) {
+                                 const Pinhole& camera, const MotionTriangulationOptions& options) {
   const Rigid3 later_from_earlier = later.world_from_cam.Inverse() * earlier.world_from_cam;
   const std::vector<int> later_indices = WithoutDepth(later);
   std::vector<Match> best_earlier(later.keypoints.size());

@@ -18,7 +18,8 @@ struct Junctions {
 };
 
 // The pairs of junctions that are the ends of a line: a line's end is the junction nearest to it
-// within what RefineLine moves an end; lines without both ends are left out. Ordered, smaller index first, no doubles.
+// within what RefineLine moves an end; lines without both ends are left out. Ordered, smaller index
+// first, no doubles.
 std::vector<std::pair<int, int>> JoinLines(std::span<const LineSegment> lines,
                                            std::span<const Keypoint> junctions);
 
