@@ -24,7 +24,7 @@ from .lines import END_OFFSETS, JUNCTION, REACH, STRIDE, DecoderOptions, LineCon
 from .loop import ROOT
 from .matcher import Matcher, MatcherConfig
 from .networks import PLNet, PLNetConfig
-from .quantize import FLOAT, FLOAT_NECK, features, photos, quantize
+from .quantize import FLOAT, FLOAT_CLASSIFIER, FLOAT_NECK, features, photos, proposals, quantize
 
 OPSET = 17
 PACK = Path(__file__).resolve().parents[2] / "models/airslam-fast"
@@ -241,9 +241,11 @@ def main() -> None:
             export_descriptor_head(load_plnet(checkpoint), PACK / "descriptor_head.onnx")
         elif name == "lines":
             net = load_plnet(options.plnet)
-            with scratch("line_neck.onnx") as raw:
-                export_lines(net, load_lines(checkpoint, net), raw, PACK / "line_classifier.onnx")
-                quantize(raw, PACK / "line_neck.onnx", features(PACK / "plnet.onnx", MAPS, photos(CALIBRATION, 5)), FLOAT_NECK)
+            module = load_lines(checkpoint, net)
+            with scratch("line_neck.onnx") as neck, scratch("line_classifier.onnx") as classifier:
+                export_lines(net, module, neck, classifier)
+                quantize(neck, PACK / "line_neck.onnx", features(PACK / "plnet.onnx", MAPS, photos(CALIBRATION, 5)), FLOAT_NECK)
+                quantize(classifier, PACK / "line_classifier.onnx", proposals(net.backbone, module, photos(CALIBRATION, 5)), FLOAT_CLASSIFIER)
         else:
             for i, stage in enumerate(load_matcher(checkpoint).stages):
                 export_stage(stage, PACK / f"matcher_stage{i}.onnx")

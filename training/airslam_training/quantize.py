@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""int8 convolutions for an exported network, calibrated on our own training photos in changed light.
+"""int8 layers for an exported network, calibrated on our own training photos in changed light.
 
 Layers that hand out numbers (scores, field, what the classifier reads) and those that add up coarser levels stay float: a
 maximum's place within a pixel needs more than 8 bits. Ranges are percentiles, since the few largest activations of
@@ -21,10 +21,14 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from . import augment
 from .cache import photo_split
+from .lines import DecoderOptions, LineModule, classifier_features, propose
+from .networks import Backbone
 
-# Parts of the names of layers that stay float, in PLNet and in the line neck.
+# Parts of the names of layers that stay float, in PLNet, in the line neck and in the classifier of proposals.
 FLOAT = ("score_out",)
 FLOAT_NECK = ("lateral8", "lateral16", "/from", "field.1", "junctions", "pooled")
+FLOAT_CLASSIFIER = ("/4/",)
+PROPOSALS = 256  # of a photo, that the classifier is calibrated with
 
 
 def photos(count: int, seed: int) -> Iterator[dict]:
@@ -46,6 +50,17 @@ def features(plnet: Path, maps: dict[str, int], inputs: Iterable[dict]) -> Itera
         yield {name: f.reshape(1, h // s, w // s, -1) for (name, s), f in zip(maps.items(), found)}
 
 
+@torch.no_grad()
+def proposals(backbone: Backbone, module: LineModule, inputs: Iterable[dict]) -> Iterator[dict]:
+    """What the classifier reads of some proposals, evenly chosen from the best to the worst, of each image that has so many."""
+    for feed in inputs:
+        field, maps, pooled = [m[0] for m in module.neck(*backbone(torch.from_numpy(feed["image"])))]
+        ends, extra, _, _ = propose(field, maps, DecoderOptions())
+        if len(ends) >= PROPOSALS:
+            chosen = torch.linspace(0, len(ends) - 1, PROPOSALS).long()
+            yield {"features": classifier_features(pooled, ends[chosen], extra[chosen], module.config.samples).numpy()}
+
+
 class Reader(CalibrationDataReader):
     """An iterator as what the calibration wants to be asked."""
 
@@ -57,13 +72,14 @@ class Reader(CalibrationDataReader):
 
 
 def quantize(source: Path, target: Path, inputs: Iterable[dict], kept: tuple[str, ...]) -> None:
-    """Write `source` (ONNX) with int8 weights and activations in its convolutions, but for those whose names hold one of `kept`."""
+    """Write `source` (ONNX) with int8 weights and activations in its convolutions and products with matrices, but for those
+    whose names hold one of `kept`."""
     with tempfile.TemporaryDirectory() as folder:
         prepared = Path(folder) / "prepared.onnx"
         quant_pre_process(str(source), str(prepared), skip_symbolic_shape=True)
-        convolutions = [n.name for n in onnx.load(str(prepared)).graph.node if n.op_type == "Conv"]
-        excluded = [n for n in convolutions if any(part in n for part in kept)]
+        layers = [n.name for n in onnx.load(str(prepared)).graph.node if n.op_type in ("Conv", "Gemm")]
+        excluded = [n for n in layers if any(part in n for part in kept)]
         quantize_static(str(prepared), str(target), Reader(inputs), quant_format=QuantFormat.QDQ, per_channel=True,
-                        activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, op_types_to_quantize=["Conv"],
+                        activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, op_types_to_quantize=["Conv", "Gemm"],
                         nodes_to_exclude=excluded, calibrate_method=CalibrationMethod.Percentile)
     onnx.checker.check_model(onnx.load(str(target)))
