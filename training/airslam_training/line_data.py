@@ -2,10 +2,8 @@
 """Random views of labelled images, and their encoding for the line module's losses."""
 from __future__ import annotations
 
-import itertools
 import queue
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -123,31 +121,23 @@ def sources(held: bool = False) -> dict[str, Source]:
     return {"photos": Source(names, labels), "scenes": Source(sorted(n for n in labels if n.startswith(prefix)), labels)}
 
 
-@dataclass(frozen=True)
-class ViewKind:
-    """Square views of `size` pixels, `batch` of them a step (over all processes); `scales` as in view_range."""
-
-    size: int
-    batch: int
-    scales: tuple[float, float]
-
-
 class Views:
-    """Random batches of views, the kinds in turn, read ahead in a thread. `pools`: sources and how often each is drawn."""
+    """Random batches of views, read ahead in a thread. `shares`: source -> how often it is drawn."""
 
-    def __init__(self, pools: list[tuple[Source, float]], kinds: list[ViewKind], seed: int):
+    def __init__(self, pools: list[tuple[Source, float]], batch: int, size: int, scales: tuple[float, float], seed: int):
         self.pools = [p for p, _ in pools]
+        self.range = view_range(scales)
         self.share = np.array([s for _, s in pools]) / sum(s for _, s in pools)
-        self.kinds, self.rng = kinds, np.random.default_rng(seed)
+        self.batch, self.size, self.rng = batch, size, np.random.default_rng(seed)
         self.queue: queue.Queue = queue.Queue(maxsize=3)
         threading.Thread(target=self._work, daemon=True).start()
 
-    def _one(self, kind: ViewKind):
-        rng, size = self.rng, kind.size
+    def _one(self):
+        rng, size = self.rng, self.size
         pool = self.pools[rng.choice(len(self.pools), p=self.share)]
         i = int(rng.integers(len(pool.names)))
         image = pool.image(i)
-        h = random_homography(rng, image.shape, size, view_range(kind.scales))
+        h = random_homography(rng, image.shape, size, self.range)
         if rng.random() < 0.5:
             h = np.array([[-1.0, 0, size - 1], [0, 1, 0], [0, 0, 1]]) @ h
         segments = warp_segments(h, pool.segments[i], size)
@@ -161,8 +151,8 @@ class Views:
         return view, segments, *encode(segments, size // STRIDE, size // STRIDE)
 
     def _work(self) -> None:
-        for kind in itertools.cycle(self.kinds):
-            rows = [self._one(kind) for _ in range(kind.batch)]
+        while True:
+            rows = [self._one() for _ in range(self.batch)]
             self.queue.put((np.stack([r[0] for r in rows]), [r[1] for r in rows],
                             np.stack([r[2] for r in rows]), np.stack([r[3] for r in rows])))
 

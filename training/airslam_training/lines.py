@@ -29,16 +29,13 @@ JUNCTION = 3  # logit, offset x, offset y (cells, after 0.5 * tanh)
 
 @dataclass(frozen=True)
 class LineConfig:
-    """Widths of the neck at /32, /16, /8, /4, residual convolutions there, channels of the map that is pooled, and the
-    classifier."""
+    """Widths of the neck at /32, /16, /8, /4, channels of the map that is pooled, and the classifier."""
 
     w32: int = 128
     w16: int = 96
     w8: int = 64
     w4: int = 32
     n32: int = 4
-    n16: int = 0
-    n8: int = 0
     n4: int = 2
     pooled: int = 16
     samples: int = 32
@@ -64,11 +61,9 @@ class LineNeck(nn.Module):
         self.from32 = nn.Conv2d(c.w32, c.w16, 1)
         self.lateral16 = nn.Conv2d(b.w16, c.w16, 1)
         self.stage16 = ConvBnRelu(c.w16, c.w16)
-        self.deeper16 = nn.Sequential(*[Residual(c.w16) for _ in range(c.n16 // 2)])
         self.from16 = nn.Conv2d(c.w16, c.w8, 1)
         self.lateral8 = nn.Conv2d(b.w8, c.w8, 1)
         self.stage8 = ConvBnRelu(c.w8, c.w8)
-        self.deeper8 = nn.Sequential(*[Residual(c.w8) for _ in range(c.n8 // 2)])
         self.from8 = nn.Conv2d(c.w8, c.w4, 1)
         self.lateral4 = nn.Conv2d(b.w4, c.w4, 3, padding=1)
         self.stage4 = nn.Sequential(*[Residual(c.w4) for _ in range(c.n4 // 2)])
@@ -76,8 +71,6 @@ class LineNeck(nn.Module):
         self.rest = nn.Conv2d(c.w4, JUNCTION + c.pooled, 1)
         with torch.no_grad():  # start near the rates of the labels
             self.rest.bias[0] = -4.0
-            for pair in [*self.deeper16, *self.deeper8]:  # nothing at first: a trained neck without them can be gone on with
-                pair.b[1].weight.zero_()
 
     def forward(self, f4: Tensor, f8: Tensor, f16: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         x = self.merge(f4, f8, f16)
@@ -87,8 +80,8 @@ class LineNeck(nn.Module):
     def merge(self, f4: Tensor, f8: Tensor, f16: Tensor) -> Tensor:
         """Down to /32 and up again: B x w4 x H/4 x W/4, which every output reads."""
         x = self.stage32(self.down32(f16))
-        x = self.deeper16(self.stage16(F.relu(self.lateral16(f16) + _up2(self.from32(x), f16))))
-        x = self.deeper8(self.stage8(F.relu(self.lateral8(f8) + _up2(self.from16(x), f8))))
+        x = self.stage16(F.relu(self.lateral16(f16) + _up2(self.from32(x), f16)))
+        x = self.stage8(F.relu(self.lateral8(f8) + _up2(self.from16(x), f8)))
         return self.stage4(F.relu(self.lateral4(f4) + _up2(self.from8(x), f4)))
 
 

@@ -20,7 +20,7 @@ from torch import Tensor
 from . import augment
 from .cache import CACHE
 from .export import load_plnet
-from .line_data import ViewKind, Views, Wireframe, sources
+from .line_data import Views, Wireframe, sources
 from .lines import REACH, DecoderOptions, LineConfig, LineModule, propose
 from .loop import ROOT, append, average_gradients, launch, learning_rate, update_average
 from .validate_lines import validate_lines
@@ -73,11 +73,8 @@ def label_proposals(ends: Tensor, segments: np.ndarray, hit: float, sharpness: f
 @torch.no_grad()
 def grow(net: torch.nn.Module, trained: dict[str, Tensor]) -> None:
     """Takes over the weights of a smaller network so that this one begins as it ended: outputs that both have read their
-    old inputs with the old weights, and nothing of what is new; new outputs keep their random weights. Layers that the
-    smaller one had not stay as they are: residual pairs that add nothing at first."""
+    old inputs with the old weights, and nothing of what is new; new outputs keep their random weights."""
     for name, value in net.state_dict().items():
-        if name not in trained:
-            continue
         old = trained[name]
         if value.shape == old.shape:
             value.copy_(old)
@@ -156,7 +153,7 @@ class Trainer:
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 5.0)
         self.optimizer.step()
         self.step += 1
-        self.images += len(image)
+        self.images += c["batch"]
         update_average(self.average, self.net, c["ema"], self.step)
         return {"loss": float(loss.detach()), **{k: float(v.detach()) for k, v in parts.items()}}
 
@@ -169,20 +166,20 @@ def train(config: dict, folder: Path, rank: int = 0, processes: int = 1) -> None
     pools = [(s, config["shares"][k]) for k, s in sources().items() if config["shares"].get(k)]
     if config["wireframe"]:
         pools.append((Wireframe(Path(config["wireframe"])), config["wireframe_share"]))
-    kinds = [ViewKind(v["size"], v["batch"] // processes, v["scales"]) for v in config["views"]]
-    data = Views(pools, kinds, config["seed"] + 1000 * trainer.step + rank)
+    data = Views(pools, config["batch"] // processes, config["size"], config["scales"],
+                 config["seed"] + 1000 * trainer.step + rank)
     print(f"process {rank}: {[len(p.names) for p, _ in pools]} images, from step {trainer.step}", flush=True)
     sums: list[dict] = []
-    images, start = trainer.images, time.time()
+    start = time.time()
     while trainer.step < config["steps"]:
         sums.append(trainer.update(data.next()))
         if rank == 0 and trainer.step % config["log_every"] == 0:
             row = {k: float(np.mean([s[k] for s in sums])) for k in sums[0]}
             row |= dict(step=trainer.step, images=trainer.images, rate=learning_rate(trainer.step, config),
-                        images_per_s=(trainer.images - images) * processes / (time.time() - start))
+                        images_per_s=len(sums) * config["batch"] / (time.time() - start))
             append(folder / "log.csv", COLUMNS, row)
             print(" ".join(f"{k} {row[k]:.4g}" for k in COLUMNS), flush=True)
-            sums, images, start = [], trainer.images, time.time()
+            sums, start = [], time.time()
         if rank == 0 and trainer.step % config["checkpoint_every"] == 0:
             trainer.save()
         if rank == 0 and trainer.step % config["validate_every"] == 0:

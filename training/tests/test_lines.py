@@ -10,13 +10,13 @@ import pytest
 import torch
 
 from airslam_training.export import MAPS, PACK, export_lines
-from airslam_training.line_data import ViewKind, Views, Wireframe, clip_segments, encode, warp_segments
+from airslam_training.line_data import Wireframe, clip_segments, encode, warp_segments
 from airslam_training.line_labels import (PHOTOS, end_distance, join_ends, merge_views, read_packed, read_wireframe, refine,
                                           visibility, without_doubles, write_packed)
 from airslam_training.lines import (END_OFFSETS, EXTRA, REACH, DecoderOptions, LineConfig, LineModule, classifier_features,
                                     classifier_size, decode_field, discount_overlaps, find_junctions, propose, sample_ends)
 from airslam_training.loop import ROOT
-from airslam_training.networks import PLNet, Residual
+from airslam_training.networks import PLNet
 from airslam_training.pack import PackNetworks
 from airslam_training.procedural import make_views
 from airslam_training.train_lines import field_losses, grow, junction_losses, label_proposals
@@ -133,20 +133,6 @@ def test_average_precision_by_hand():
     assert average_precision([(np.zeros((0, 5)), truth)], 5) == 0
 
 
-def test_the_kinds_of_views_come_in_turn():
-    class Picture:
-        names, segments = ["a"], [np.array([[20.0, 30, 100, 40, 1]])]
-
-        def image(self, _):
-            return np.tile(np.arange(128, dtype=np.uint8), (96, 1))
-
-    views = Views([(Picture(), 1.0)], [ViewKind(64, 2, (0.5, 1.4)), ViewKind(32, 3, (0.6, 1.9))], seed=5)
-    for size, batch in ((64, 2), (32, 3), (64, 2)):
-        images, segments, field, junctions = views.next()
-        assert images.shape == (batch, size, size) and len(segments) == batch
-        assert field.shape == (batch, 6, size // 4, size // 4) and junctions.shape == (batch, 3, size // 4, size // 4)
-
-
 def annotation(tmp_path, name="00031546", **change):
     data = {"filename": f"{name}.jpg", "junctions": [[10, 20], [60, 20], [60, 70]], "edges_positive": [[0, 1], [1, 2]]}
     path = tmp_path / f"{name}.json"
@@ -177,18 +163,6 @@ def test_a_grown_classifier_begins_as_the_small_one_ended():
     grow(module, {k: v.clone() for k, v in trained.items()})
     features = torch.randn(20, classifier_size(config))
     assert torch.allclose(module.classifier(features), small(features[:, :read])[:, 0], atol=1e-5)
-
-
-def test_a_deeper_neck_begins_as_the_plain_one_ended():
-    torch.manual_seed(4)
-    plain, deeper = LineModule().eval(), LineModule(c=LineConfig(n16=2, n8=2)).eval()
-    grow(deeper, plain.state_dict())
-    features = [torch.rand(1, width, 96 // s, 64 // s) for width, s in ((32, 4), (64, 8), (96, 16))]
-    with torch.no_grad():
-        for grown, old in zip(deeper.neck(*features), plain.neck(*features)):
-            assert torch.allclose(grown, old, atol=1e-5)
-    pairs = [p for p in deeper.neck.modules() if isinstance(p, Residual)]
-    assert len(pairs) == len([p for p in plain.neck.modules() if isinstance(p, Residual)]) + 2
 
 
 def test_of_several_guesses_at_a_lines_ends_the_surest_keeps_its_score():
