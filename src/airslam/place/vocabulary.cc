@@ -24,6 +24,8 @@ constexpr std::size_t kShaDigits = 64;
 constexpr int kMaxChildren = 255;
 // Larger ones are not vocabularies, and their sizes might not fit a size_t.
 constexpr std::uint32_t kMaxNodes = 1U << 26, kMaxDescriptorSize = 1U << 14;
+// ln(N / N_i) is far below; the weights of an image's words must have a sum.
+constexpr float kMaxWeight = 1e6F;
 
 // What stands before the arrays: children (uint8 a node), centres (int8), weights (float32).
 struct Header {
@@ -90,7 +92,7 @@ void Vocabulary::SetWordWeights(std::vector<float> weights) {
     Fail("{} weights were given for {} words", weights.size(), weights_.size());
   }
   for (const float weight : weights) {
-    if (!(weight >= 0) || !std::isfinite(weight)) Fail("a word cannot weigh {}", weight);
+    if (!(weight >= 0 && weight <= kMaxWeight)) Fail("a word cannot weigh {}", weight);
   }
   weights_ = std::move(weights);
 }
@@ -206,10 +208,14 @@ Vocabulary Vocabulary::Decode(std::span<const std::byte> bytes, const std::strin
   for (const std::byte count : bytes.first(nodes)) children.push_back(static_cast<int>(count));
   bytes = bytes.subspan(nodes);
   std::vector<float> weights(words);
-  std::memcpy(weights.data(), bytes.data() + centres, words * sizeof(float));
+  std::ranges::copy(bytes.subspan(centres), std::as_writable_bytes(std::span(weights)).begin());
   const char* sha = header.network_sha256;
-  const std::string network(sha, std::find(sha, sha + kShaDigits, '\0'));
+  const char* end = std::find(sha, sha + kShaDigits, '\0');
+  const std::string network(sha, end);
   try {
+    if (std::any_of(end, sha + kShaDigits, [](char c) { return c != '\0'; })) {
+      Fail("something follows the digest of its network");
+    }
     Vocabulary vocabulary(
         children,
         {Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(centres)), header.scale},

@@ -49,7 +49,7 @@ class Vocabulary {
   Vocabulary(std::span<const int> children, QuantizedDescriptors centres,
              std::string network_sha256);
 
-  // Inverse document frequency, ln(N / N_i), of every word (one a word, >= 0).
+  // Inverse document frequency, ln(N / N_i), of every word (one a word, 0 to 1e6). Throws Error.
   void SetWordWeights(std::vector<float> weights);
 
   int words() const { return static_cast<int>(weights_.size()); }

@@ -91,6 +91,12 @@ TEST(VocabularyTest, NamesWhatIsWrongWithAFile) {
   bytes = good;
   bytes[12] = std::byte{0xff};  // the descriptor size
   EXPECT_THAT(decode(bytes), testing::HasSubstr("truncated or damaged"));
+  bytes = good;
+  bytes[40] = std::byte{0};  // in the digest
+  EXPECT_THAT(decode(bytes), testing::HasSubstr("something follows the digest"));
+  bytes = good;
+  bytes[bytes.size() - 1] = std::byte{0x7e};  // a weight of more than 1e37
+  EXPECT_THAT(decode(bytes), testing::HasSubstr("a word cannot weigh"));
   EXPECT_THAT(ErrorOf([] { Vocabulary::Read("/nowhere/v.bin"); }),
               testing::HasSubstr("/nowhere/v.bin"));
 }
