@@ -159,14 +159,16 @@ void PlNet::LoadLines(Instance& instance) {
   instance.lines = std::move(network);
 }
 
-void PlNet::PrepareFeatures(cv::Size image_size) {
+PlNet::Instance& PlNet::WithFeatures(cv::Size image_size) {
   Instance& instance = InstanceFor(image_size);
   if (!instance.features) LoadFeatures(instance);
+  return instance;
 }
 
-void PlNet::PrepareLines(cv::Size image_size) {
+PlNet::Instance& PlNet::WithLines(cv::Size image_size) {
   Instance& instance = InstanceFor(image_size);
-  if (finds_lines() && !instance.lines) LoadLines(instance);
+  if (!instance.lines) LoadLines(instance);
+  return instance;
 }
 
 FeatureMap PlNet::MapOf(const ImageMaps& maps, std::size_t index) const {
@@ -255,8 +257,7 @@ void PlNet::AddLines(const ImageMaps& maps, const cv::Mat& mask, const Detection
   decoder.max_junctions = std::min(decoder.max_junctions, request.max_junctions);
   decoder.max_proposals = std::min(decoder.max_proposals, request.max_line_proposals);
   decoder.Validate();
-  Instance& instance = InstanceFor(maps.image_size);
-  if (!instance.lines) LoadLines(instance);
+  Instance& instance = WithLines(maps.image_size);
   std::vector<NamedTensor> inputs;
   for (std::size_t i = 0; i < spec_.maps.size(); ++i) {
     const FeatureMap map = MapOf(maps, i);
@@ -283,8 +284,7 @@ Detections PlNet::Detect(const cv::Mat& image, const cv::Mat& mask,
     Fail("PLNet takes grey images of type CV_8UC1 with at least one pixel, not {}x{} of type {}",
          image.cols, image.rows, cv::typeToString(image.type()));
   }
-  Instance& instance = InstanceFor(image.size());
-  if (!instance.features) LoadFeatures(instance);
+  Instance& instance = WithFeatures(image.size());
   NormalizeImage(image, spec_.normalization, instance.width, instance.height,
                  instance.input.data());
   const std::shared_ptr<ImageMaps> maps = pool_.Take(image.size(), instance.map_sizes);

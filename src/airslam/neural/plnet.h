@@ -53,13 +53,17 @@ class PlNet : public FeatureDetector {
 
   // Compiles what finds features, or lines, in images of this size now rather than at the first of
   // them. Throws Error when a network does not fit what the pack says of it.
-  void PrepareFeatures(cv::Size image_size);
-  void PrepareLines(cv::Size image_size);  // nothing without a line module
+  void PrepareFeatures(cv::Size image_size) { WithFeatures(image_size); }
+  void PrepareLines(cv::Size image_size) {
+    if (finds_lines()) WithLines(image_size);
+  }
 
  private:
   struct Instance;
 
   Instance& InstanceFor(cv::Size image_size);
+  Instance& WithFeatures(cv::Size image_size);  // its networks are loaded
+  Instance& WithLines(cv::Size image_size);
   void LoadFeatures(Instance& instance);
   void LoadLines(Instance& instance);
   void LoadDescriptorHead();
