@@ -58,7 +58,7 @@ def detect(pictures: tuple[Path, ...], folder: Path,
     for number, picture in enumerate(pictures):
         (folder / f"{number:05d}{picture.suffix}").symlink_to(picture.resolve())
     out = folder.with_name(folder.name + "_found")
-    run("detect", folder, "--out", out)
+    run("detect", folder, "--out", out, "--line-scale", "1")  # the lines that mapping sees
     result = []
     for number in range(len(pictures)):
         lines = table(out / f"{number:05d}.lines.csv", 5)
@@ -184,7 +184,7 @@ def main() -> None:
           f"that are there, {matches['right']:.3f} of them right")
     if arguments.json:
         records.write(arguments.json, about,
-                      f"airslam detect, airslam features; lines of score {arguments.min_score:g} "
+                      f"airslam detect --line-scale 1, airslam features; lines of score {arguments.min_score:g} "
                       "and more",
                       f"{arguments.first.name} and {arguments.second.name} at equal poses, every "
                       f"{arguments.every}th frame; found again: both ends within 5 px", result)

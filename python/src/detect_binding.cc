@@ -108,21 +108,23 @@ void BindDetection(nb::module_& module) {
       .def(
           "detect",
           [](ImageDetector& self, const GivenImage& image, bool lines, int max_keypoints,
-             float min_line_score, const std::optional<GivenImage>& mask) {
+             float min_line_score, float line_scale, const std::optional<GivenImage>& mask) {
             const cv::Mat pixels = AsMat(image), where = mask ? AsMat(*mask) : cv::Mat();
             const nb::gil_scoped_release release;
-            return self.Detect(pixels, where, {max_keypoints, lines, min_line_score});
+            return self.Detect(pixels, where, {max_keypoints, lines, min_line_score, line_scale});
           },
           "image"_a.noconvert(), nb::kw_only(), "lines"_a = ImageRequest().lines,
           "max_keypoints"_a = ImageRequest().max_keypoints,
-          "min_line_score"_a = ImageRequest().min_line_score, "mask"_a.noconvert() = nb::none(),
+          "min_line_score"_a = ImageRequest().min_line_score,
+          "line_scale"_a = ImageRequest().line_scale, "mask"_a.noconvert() = nb::none(),
           "As `airslam detect` does, the same numbers.\n\n"
           "image: uint8 height x width, of any size. lines: whether lines and junctions are looked "
           "for; takes longer. max_keypoints: so many of the best. min_line_score: lines of a lower "
-          "score are left out; at 0 all proposals come, at 0.4 most are lines. mask: uint8 of the "
-          "same size, features only where it is not 0. Safe to call from several threads, which "
-          "take turns. The first image of a size takes longer: the network is prepared for it. "
-          "Raises Error.")
+          "score are left out; at 0 all proposals come, at 0.4 most are lines. line_scale: lines "
+          "are looked for in the image enlarged by so much, up to a shorter side of 720 pixels; at "
+          "1 in the pass that finds the keypoints, as mapping does. mask: uint8 of the same size, "
+          "features only where it is not 0. Safe to call from several threads, which take turns. "
+          "The first image of a size takes longer: the network is prepared for it. Raises Error.")
       .def_prop_ro("model", &ImageDetector::name, "Name of the model pack.")
       .def_prop_ro("finds_lines", &ImageDetector::finds_lines,
                    "Whether the pack's network finds lines; else there are none.")

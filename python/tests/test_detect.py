@@ -70,6 +70,9 @@ def test_what_is_asked_for(detector: airslam.Detector, image: np.ndarray) -> Non
     mask = np.zeros_like(image)
     mask[:, :300] = 255
     masked = detector.detect(image, mask=mask)
+    plain = detector.detect(image, line_scale=1.0)
+    np.testing.assert_array_equal(plain.keypoints, points.keypoints)
+    assert len(plain.lines) > 100 and not np.array_equal(plain.lines[:50], detector.detect(image).lines[:50])
     assert 0 < len(masked.keypoints) and masked.keypoints[:, 0].max() < 300 and len(masked.lines) > 0
     assert masked.lines[:, [0, 2]].max() < 301
 
@@ -92,6 +95,8 @@ def test_what_cannot_be_right(detector: airslam.Detector, image: np.ndarray, tmp
         detector.detect(image, max_keypoints=-1)
     with pytest.raises(airslam.Error, match="min_line_score = 1.5 must be between 0 and 1"):
         detector.detect(image, min_line_score=1.5)
+    with pytest.raises(airslam.Error, match="line_scale = 0.5 must be between 1 and 4"):
+        detector.detect(image, line_scale=0.5)
     with pytest.raises(airslam.Error, match="mask"):
         detector.detect(image, mask=image[:100])
     with pytest.raises(airslam.Error, match="with at least one pixel, not 752x0"):

@@ -30,6 +30,7 @@ struct DetectArguments {
   std::string model = kDefaultModelPack;
   int max_keypoints = 400;
   float draw_score = 0.3F;
+  float line_scale = ImageRequest().line_scale;
   bool draw = false;
 };
 
@@ -92,13 +93,16 @@ void RunDetect(const DetectArguments& arguments) {
   const ModelPack pack = LoadModelPack(arguments.model);
   if (!pack.features.lines) LogWarn("the model pack '{}' finds no lines", pack.name);
   PlNet plnet(pack.features);
+  ImageRequest request;
+  request.max_keypoints = arguments.max_keypoints;
+  request.line_scale = arguments.line_scale;
   const fs::path out = arguments.out;
   PrepareFolder(out);
   Progress progress("detect", static_cast<int>(files.size()));
   std::size_t keypoints = 0, lines = 0;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (i > 0) image = ReadGreyPicture(files[i].string());
-    const Detections found = DetectImage(image, cv::Mat(), {arguments.max_keypoints}, plnet);
+    const Detections found = DetectImage(image, cv::Mat(), request, plnet);
     const std::string name = files[i].stem().string();
     WriteText(out / (name + ".keypoints.csv"), KeypointTable(found.keypoints));
     WriteText(out / (name + ".lines.csv"), LineTable(found.lines));
@@ -132,6 +136,13 @@ void AddDetectCommand(CLI::App& app) {
   command->add_flag("--draw", arguments->draw, "Write NAME.features.png besides");
   command->add_option("--draw-score", arguments->draw_score, "Draw lines from this score on")
       ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--line-scale", arguments->line_scale,
+          "Look for lines in the picture enlarged by so much, up to a shorter side of 720; "
+          "1: in the pass that finds the keypoints, as mapping does")
+      ->check(CLI::Range(1.0, 4.0))
       ->capture_default_str();
   command->add_option("--model", arguments->model, "Model pack, by name or folder")
       ->capture_default_str();
