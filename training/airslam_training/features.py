@@ -17,7 +17,8 @@ from . import augment
 from .cache import CACHE, photo_split
 from .geometry import HomographyRange, random_homography, select_keypoints, warp_image
 from .pack import PackNetworks
-from .procedural import DEPTH_UNIT, FOLDER, HEIGHT, WIDTH
+from .procedural import DEPTH_UNIT, FOLDER
+from .ray_cast import HEIGHT, WIDTH
 
 POINTS = 256
 FIELDS = ("points", "descriptors", "depth", "count", "size", "group", "view", "homography", "pose", "intrinsics")
