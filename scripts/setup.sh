@@ -15,7 +15,7 @@ readonly openvino_version=2026.4.1
 readonly packages=(
   build-essential cmake ninja-build ccache pkg-config
   python3 python3-venv python3-dev
-  libeigen3-dev libceres-dev libopencv-dev
+  libeigen3-dev libceres-dev libopencv-dev libturbojpeg0-dev libspng-dev
   libsqlite3-dev sqlite3 libssl-dev
   libspdlog-dev libfmt-dev libyaml-cpp-dev libcli11-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev libbenchmark-dev

@@ -42,8 +42,8 @@ except ImportError as error:
         raise
     raise ImportError(
         f"airslam lacks a library of the system ({str(error).split(':')[0]}): install Debian's libceres3 "
-        "libopencv-core406 libopencv-imgcodecs406 libopencv-calib3d406 libyaml-cpp0.7 libspdlog1.10 "
-        "libsqlite3-0 libssl3 and PyPI's openvino==2026.4.1"
+        "libopencv-core406 libopencv-imgcodecs406 libopencv-calib3d406 libturbojpeg0 libspng0 "
+        "libyaml-cpp0.7 libspdlog1.10 libsqlite3-0 libssl3 and PyPI's openvino==2026.4.1"
     ) from error
 
 __all__ = [

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "airslam/common/error.h"
+#include "airslam/dataset/picture_formats.h"
 
 namespace airslam {
 namespace {
@@ -27,7 +28,7 @@ bool IsPictureName(const fs::path& file) {
 
 cv::Mat ReadGreyPicture(const std::string& file) {
   if (!fs::is_regular_file(file)) Fail("{}: no such picture", file);
-  cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  cv::Mat image = ReadWithOpenCv(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   if (image.empty()) Fail("{}: not a picture that can be read", file);
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 256.0);
   if (image.type() != CV_8UC1) {

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "airslam/common/error.h"
+#include "airslam/dataset/picture_formats.h"
 
 namespace airslam {
 namespace {
@@ -42,10 +45,11 @@ cv::Mat DecodeGrey(const std::filesystem::path& file) {
   std::vector<char> bytes = ReadBytes(file);
   if (IsCutOff(bytes)) Fail("the image {} is cut off", file.string());
   const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
+  if (std::optional<cv::Mat> grey = DecodeCommonFormat(bytes)) return std::move(*grey);
   cv::Mat grey;
   try {
-    grey = cv::imdecode(encoded,
-                        cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+    grey = DecodeWithOpenCv(
+        encoded, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     grey.release();
   }
@@ -73,7 +77,7 @@ cv::Mat ToEightBit(const cv::Mat& grey, bool twelve_bit) {
 void WritePicture(const std::filesystem::path& file, const cv::Mat& picture) {
   bool written = false;
   try {
-    written = cv::imwrite(file.string(), picture);
+    written = WriteWithOpenCv(file.string(), picture);
   } catch (const cv::Exception&) {  // an ending that names no picture format
   }
   if (!written) {

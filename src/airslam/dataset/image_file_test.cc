@@ -38,6 +38,25 @@ TEST(DecodeGrey, KeepsEightBitsAndSixteenBits) {
   EXPECT_EQ(cv::norm(sixteen, sixteen_back, cv::NORM_INF), 0);
 }
 
+TEST(DecodeGrey, GivesThePixelsThatOpenCvGives) {
+  const TemporaryFolder folder;
+  cv::Mat grey(45, 67, CV_8UC1), colour(45, 67, CV_8UC3), deep(45, 67, CV_16UC1);
+  cv::randu(grey, 0, 256);
+  cv::randu(colour, 0, 256);
+  cv::randu(deep, 0, 65536);
+  const std::vector<std::string> files = {
+      Write(folder, "grey.jpg", grey),     Write(folder, "colour.jpg", colour),
+      Write(folder, "grey.png", grey),     Write(folder, "deep.png", deep),
+      Write(folder, "colour.png", colour), Write(folder, "grey.bmp", grey),
+      Write(folder, "grey.pgm", grey),     Write(folder, "deep.tiff", deep)};
+  for (const std::string& file : files) {
+    const cv::Mat expected = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+    const cv::Mat found = DecodeGrey(file);
+    ASSERT_EQ(found.type(), expected.type()) << file;
+    EXPECT_EQ(cv::norm(found, expected, cv::NORM_INF), 0) << file;
+  }
+}
+
 TEST(DecodeGrey, WeighsColours) {
   const TemporaryFolder folder;
   const cv::Mat colour(6, 8, CV_8UC3, cv::Scalar(10, 100, 200));  // blue, green, red
