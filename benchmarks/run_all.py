@@ -22,6 +22,7 @@ import records
 import render
 
 REPOSITORY = records.REPOSITORY
+RUNS = 3  # of each sequence and mode: equal results, but times of a machine with others on it
 # Arguments of `airslam map` for each mode of the odometry.
 MODES = {
     "odometry_stereo_points": ["--no-imu", "--no-lines"],
@@ -41,9 +42,10 @@ def commands(root: Path, out: Path, airslam: Path, minutes: float) -> dict[str, 
                 str(records.RESULTS / f"{record}.json"), *map(str, arguments)]
 
     return {
-        "odometry": [program("accuracy.py", name, "--root", root, "--airslam", airslam, "--out",
-                             out / name, "--sequences", kitti.name, day.name, dynamic.name,
-                             euroc.name, "--", *extra) for name, extra in MODES.items()],
+        "odometry": [program("accuracy.py", name, "--runs", RUNS, "--root", root, "--airslam",
+                             airslam, "--out", out / name, "--sequences", kitti.name, day.name,
+                             dynamic.name, euroc.name, "--", *extra)
+                     for name, extra in MODES.items()],
         "inertial": [program("inertial.py", "inertial", "--airslam", airslam, day, dynamic,
                              "--blackout-at", 12),
                      program("inertial.py", "inertial_euroc", "--airslam", airslam,
