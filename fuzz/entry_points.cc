@@ -12,6 +12,7 @@
 
 #include "airslam/common/error.h"
 #include "airslam/common/options.h"
+#include "airslam/dataset/picture_formats.h"
 #include "airslam/dataset/recorded_sequence.h"
 #include "airslam/dataset/trajectory.h"
 #include "airslam/map/map_file.h"
@@ -199,6 +200,13 @@ void FuzzModelPack(Bytes bytes) {
 }
 
 // What was accepted finds a word for every descriptor, and is written as it was read.
+void FuzzPicture(Bytes bytes) {
+  const std::span<const char> file(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (const auto grey = DecodeCommonFormat(file); grey && grey->empty()) {
+    throw std::logic_error("a picture without pixels");
+  }
+}
+
 void FuzzVocabulary(Bytes bytes) {
   Try([&] {
     const auto read = Vocabulary::Decode(std::as_bytes(bytes), "vocabulary");
@@ -215,7 +223,7 @@ void FuzzVocabulary(Bytes bytes) {
   });
 }
 
-constexpr std::array<FuzzTarget, 11> kTargets = {{{"map", FuzzMap},
+constexpr std::array<FuzzTarget, 12> kTargets = {{{"map", FuzzMap},
                                                   {"euroc_calibration", FuzzEurocCalibration},
                                                   {"kalibr_calibration", FuzzKalibrCalibration},
                                                   {"kitti_calibration", FuzzKittiCalibration},
@@ -225,6 +233,7 @@ constexpr std::array<FuzzTarget, 11> kTargets = {{{"map", FuzzMap},
                                                   {"trajectory", FuzzTrajectory},
                                                   {"options", FuzzOptions},
                                                   {"model_pack", FuzzModelPack},
+                                                  {"picture", FuzzPicture},
                                                   {"vocabulary", FuzzVocabulary}}};
 
 }  // namespace

@@ -17,7 +17,8 @@ namespace {
 
 using namespace std::string_view_literals;
 
-constexpr std::uint64_t kMaxPixels = 1ULL << 30;  // OpenCV's bound, too
+// Larger pictures, and small files that claim to be, are OpenCV's.
+constexpr std::uint64_t kMaxPixels = 1ULL << 27;
 
 const unsigned char* Data(std::span<const char> bytes) {
   return reinterpret_cast<const unsigned char*>(bytes.data());
