@@ -184,8 +184,8 @@ def main() -> None:
           f"that are there, {matches['right']:.3f} of them right")
     if arguments.json:
         records.write(arguments.json, about,
-                      f"airslam detect --line-scale 1, airslam features; lines of score {arguments.min_score:g} "
-                      "and more",
+                      "airslam detect --line-scale 1, airslam features; lines of score "
+                      f"{arguments.min_score:g} and more",
                       f"{arguments.first.name} and {arguments.second.name} at equal poses, every "
                       f"{arguments.every}th frame; found again: both ends within 5 px", result)
 

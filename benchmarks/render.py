@@ -109,7 +109,7 @@ def odometry_section(odometry: Odometry) -> str:
                   if peer in peers else "–" for peer in ("ORB-SLAM3", "Basalt")]
         rows.append([name, *(odometry.accuracy_cell(mode, sequence) for mode in MODES), *theirs])
     text += [table(["sequence", *MODES.values(), "ORB-SLAM3, stereo", "Basalt, stereo"], rows),
-             PEERS["odometry"]["source"], "", "### Cost", ""]
+             PEERS["odometry"]["source"], "", "### Cost", "", "Medians over the runs of the record.", ""]
     rows = [[SEQUENCES[sequence], name,
              *(number(odometry.value(mode, sequence, key), digits) for key, digits in
                (("cpu_ms", 1), ("frames_per_second", 1), ("peak_mb", 0), ("keyframes", 0),

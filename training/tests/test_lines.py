@@ -221,7 +221,8 @@ def test_the_program_agrees_with_python(tmp_path):
         pytest.skip(f"no {program} or no line module in {PACK}")
     image = make_views(100003, [], 1)[1][0].images[0]
     cv2.imwrite(str(tmp_path / "room.png"), image)
-    subprocess.run([program, "detect", tmp_path / "room.png", "--out", tmp_path / "out", "--line-scale", "1"], check=True, capture_output=True)
+    subprocess.run([program, "detect", tmp_path / "room.png", "--out", tmp_path / "out", "--line-scale", "1"], check=True,
+                   capture_output=True)
     found = np.loadtxt(tmp_path / "out/room.lines.csv", delimiter=",", ndmin=2)
     expected = PackNetworks().lines(image)
     sure = expected[expected[:, 4] > 0.4]

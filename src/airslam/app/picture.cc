@@ -28,6 +28,7 @@ bool IsPictureName(const fs::path& file) {
 
 cv::Mat ReadGreyPicture(const std::string& file) {
   if (!fs::is_regular_file(file)) Fail("{}: no such picture", file);
+  // OpenCV turns a photo as its orientation says.
   cv::Mat image = ReadWithOpenCv(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   if (image.empty()) Fail("{}: not a picture that can be read", file);
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 256.0);

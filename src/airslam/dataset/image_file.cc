@@ -44,8 +44,8 @@ bool IsCutOff(const std::vector<char>& bytes) {
 cv::Mat DecodeGrey(const std::filesystem::path& file) {
   std::vector<char> bytes = ReadBytes(file);
   if (IsCutOff(bytes)) Fail("the image {} is cut off", file.string());
-  const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
   if (std::optional<cv::Mat> grey = DecodeCommonFormat(bytes)) return std::move(*grey);
+  const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
   cv::Mat grey;
   try {
     grey = DecodeWithOpenCv(

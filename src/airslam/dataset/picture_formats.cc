@@ -72,16 +72,20 @@ std::optional<cv::Mat> DecodeGreyPng(std::span<const char> bytes) {
   return grey;
 }
 
-// A function of OpenCV's library by its name in the library, which stays loaded.
-template <typename Function>
-Function* OpenCvFunction(const char* name) {
+// What OpenCV's library, which stays loaded, knows by this name.
+void* FindInOpenCv(const char* name) {
   static void* const library = dlopen(AIRSLAM_IMGCODECS, RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
     Fail("OpenCV's library of picture formats, {}, cannot be loaded", AIRSLAM_IMGCODECS);
   }
-  void* const function = dlsym(library, name);
-  if (function == nullptr) Fail("{} does not know {}", AIRSLAM_IMGCODECS, name);
-  return reinterpret_cast<Function*>(function);
+  void* const found = dlsym(library, name);
+  if (found == nullptr) Fail("{} does not know {}", AIRSLAM_IMGCODECS, name);
+  return found;
+}
+
+template <typename Function>
+Function* OpenCvFunction(const char* name) {
+  return reinterpret_cast<Function*>(FindInOpenCv(name));
 }
 
 }  // namespace

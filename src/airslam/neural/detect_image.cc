@@ -58,12 +58,10 @@ Detections DetectImage(const cv::Mat& image, const cv::Mat& mask, const ImageReq
   const cv::Size size = lines ? SizeForLines(image.size(), request.line_scale) : image.size();
   if (size == image.size()) return detector.Detect(image, mask, asked);
 
-  asked.lines = false;
-  Detections found = detector.Detect(image, mask, asked);
+  Detections found = detector.Detect(image, mask, {request.max_keypoints});
   cv::Mat enlarged, enlarged_mask;
   cv::resize(image, enlarged, size, 0, 0, cv::INTER_LINEAR);
   if (!mask.empty()) cv::resize(mask, enlarged_mask, size, 0, 0, cv::INTER_NEAREST);
-  asked.lines = true;
   Detections seen = detector.FindLines(enlarged, enlarged_mask, {}, asked);
   Move(size, image.size(), seen);
   found.lines = std::move(seen.lines);
